@@ -1,0 +1,234 @@
+"""Runs one operator and checks, at the border, what it was given and what it returns."""
+
+from __future__ import annotations
+
+import os
+import traceback
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from terrakit.errors import InputError, ParameterError, PluginError, ResourceError, TerrakitError
+from terrakit.heightfield import Grid, Heightfield
+from terrakit.layers import covers
+from terrakit.mesh import TriMesh
+from terrakit.operators import Erosion, Exporter, Generator, Importer, Operator, Surface, Texture
+from terrakit.running import Run
+
+SMALLEST = 3
+"""Samples a side below which erosion and texturing have nothing to work on."""
+
+
+def execute(operator: Operator, subject: Any, run: Run) -> Any:
+    """Run ``operator`` on a grid, a surface or a path, and return its checked result.
+
+    Parameters
+    ----------
+    operator
+        The operator with its parameters.
+    subject
+        A :class:`Grid` for generators, a path for importers, a surface for the others.
+    run
+        Seed, device, progress and ledger; the ledger is filled by erosions.
+
+    Raises
+    ------
+    TerrakitError
+        What the operator raised on purpose.
+    PluginError
+        If it raised anything else, tried to exit, or returned what it did not declare.
+    """
+    run = run if run.step else run.for_step(operator.name)
+    if not isinstance(operator, (Generator, Importer)):
+        _check_subject(operator, subject)
+    samples = _samples(subject)
+    check_memory(operator, samples)
+    run.check()
+    with run.watching():
+        result = _guarded(operator, subject, run)
+    run.check()
+    if isinstance(operator, (Generator, Importer, Texture, Erosion)):
+        _check_surface(operator, subject, result)
+    if isinstance(operator, Erosion) and not run.ledger.is_closed:
+        raise PluginError(f"{_label(operator)}: left its ledger open")
+    if isinstance(operator, Exporter):
+        result = _checked_paths(operator, result)
+    return result
+
+
+def memory_needed(operator: Operator, samples: int) -> int:
+    """Return the bytes that ``operator`` needs at its peak for this many samples."""
+    return samples * operator.fields * 4
+
+
+def check_memory(operator: Operator, samples: int) -> None:
+    """Raise ResourceError if the operator would need more memory than there is."""
+    needed, free = memory_needed(operator, samples), free_memory()
+    if needed > free:
+        raise ResourceError(
+            f"{operator.name}: {samples} samples x {operator.fields} fields = "
+            f"{needed / 1e9:.1f} GB > {free / 1e9:.1f} GB free; use fewer samples"
+        )
+
+
+def free_memory() -> int:
+    """Return the bytes that this process may still take."""
+    limits = []
+    try:
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                limits.append(int(line.split()[1]) * 1024)
+    except OSError:
+        pages = getattr(os, "sysconf", lambda _: 0)
+        limits.append(pages("SC_PHYS_PAGES") * pages("SC_PAGE_SIZE"))
+    try:
+        import resource
+
+        soft = resource.getrlimit(resource.RLIMIT_AS)[0]
+        if soft != resource.RLIM_INFINITY:
+            used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+            limits.append(max(0, soft - used))
+    except (ImportError, OSError):
+        pass
+    known = [limit for limit in limits if limit > 0]
+    return min(known) if known else 2**62
+
+
+def _guarded(operator: Operator, subject: Any, run: Run) -> Any:
+    """Call the operator's verb; turn everything unexpected into one line with its name."""
+    try:
+        with np.errstate(all="warn"):
+            if isinstance(operator, Generator):
+                return operator.generate(subject, run)
+            if isinstance(operator, Erosion):
+                return operator.erode(subject, run)
+            if isinstance(operator, Texture):
+                return operator.texture(subject, run)
+            if isinstance(operator, Importer):
+                return operator.load(subject, run)
+            if isinstance(operator, Exporter):
+                surface, path = subject
+                return operator.export(surface, path, run)
+    except (TerrakitError, KeyboardInterrupt):
+        raise
+    except MemoryError as error:
+        raise ResourceError(f"{operator.name}: out of memory; use fewer samples") from error
+    except SystemExit as error:
+        raise PluginError(
+            f"{_label(operator)}: tried to end the program (exit {error.code})"
+        ) from error
+    except Exception as error:
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{os.path.basename(frame.filename)}:{frame.lineno}"
+        text = " ".join(str(error).split())[:300]
+        raise PluginError(
+            f"{_label(operator)}: raised {type(error).__name__} at {place}: {text}"
+        ) from error
+    raise TypeError(f"{operator!r} is no operator")
+
+
+def _label(operator: Operator) -> str:
+    from terrakit.registry import default_registry
+
+    owner = default_registry().owner(type(operator))
+    return f"plugin {owner.label}: {operator.name}"
+
+
+def _samples(subject: Any) -> int:
+    if isinstance(subject, tuple):
+        subject = subject[0]
+    if isinstance(subject, (Grid, Heightfield)):
+        return subject.shape[0] * subject.shape[1]
+    return len(subject.vertices) if isinstance(subject, TriMesh) else 0
+
+
+def _check_subject(operator: Operator, subject: Any) -> None:
+    surface = subject[0] if isinstance(operator, Exporter) else subject
+    if not isinstance(surface, operator.surfaces):
+        works_on = " or ".join(kind.__name__ for kind in operator.surfaces)
+        raise InputError(f"{operator.name}: works on a {works_on}, not a {type(surface).__name__}")
+    for name in operator.reads:
+        if name.endswith("_"):
+            if not any(covers((name,), present) for present in surface):
+                raise InputError(f"{operator.name}: needs a layer {name}*; the terrain has none")
+        elif name not in surface:
+            raise InputError(f"{operator.name}: needs layer {name!r}; it has: {', '.join(surface)}")
+    if isinstance(operator, (Erosion, Texture)) and isinstance(surface, Heightfield):
+        rows, cols = surface.shape
+        if min(rows, cols) < SMALLEST:
+            raise InputError(
+                f"{operator.name}: the terrain has {rows}x{cols} samples, needs at least "
+                f"{SMALLEST}x{SMALLEST}"
+            )
+
+
+def _check_surface(operator: Operator, subject: Any, result: Any) -> None:
+    """Check type, shape, values and layers of what an operator returned."""
+    if not isinstance(result, (Heightfield, TriMesh)):
+        raise PluginError(f"{_label(operator)}: returned {_described(result)}, must be a terrain")
+    before: Iterable[str] = subject if isinstance(subject, (Heightfield, TriMesh)) else ()
+    if isinstance(subject, Grid) and isinstance(result, Heightfield) and result.grid != subject:
+        raise PluginError(
+            f"{_label(operator)}: returned a terrain of shape {result.shape}, asked for "
+            f"{subject.shape} on the same grid"
+        )
+    if isinstance(subject, (Heightfield, TriMesh)):
+        same = type(result) is type(subject) and (
+            result.grid == subject.grid
+            if isinstance(result, Heightfield) and isinstance(subject, Heightfield)
+            else len(result.vertices) == len(subject.vertices)  # type: ignore[union-attr]
+        )
+        if not same:
+            raise PluginError(f"{_label(operator)}: changed the grid of the terrain")
+    for name in result:
+        layer = result.layers.get(name) if isinstance(result, Heightfield) else None
+        if isinstance(subject, Heightfield) and layer is not None:
+            if layer is subject.layers.get(name):
+                continue
+        elif isinstance(subject, TriMesh) and name in subject:
+            if result.layer(name) is subject.layer(name):
+                continue
+        if isinstance(operator, (Generator, Erosion, Texture)) and not covers(
+            operator.writes, name
+        ):
+            raise PluginError(
+                f"{_label(operator)}: wrote layer {name!r}, which it does not declare"
+            )
+        if not np.isfinite(result.layer(name)).all():
+            wrong = int((~np.isfinite(result.layer(name))).sum())
+            raise PluginError(f"{_label(operator)}: {wrong} values of {name} are not finite")
+    missing = [name for name in before if name not in result]
+    if missing:
+        raise PluginError(f"{_label(operator)}: dropped layer {missing[0]!r}")
+
+
+def _checked_paths(operator: Operator, result: Any) -> list[Path]:
+    if not isinstance(result, list) or not result:
+        raise PluginError(f"{_label(operator)}: returned {_described(result)}, must list its files")
+    absent = [path for path in result if not Path(path).is_file()]
+    if absent:
+        raise PluginError(f"{_label(operator)}: says it wrote {absent[0]}, which is not there")
+    return [Path(path) for path in result]
+
+
+def _described(value: Any) -> str:
+    shape = getattr(value, "shape", None)
+    return f"{type(value).__name__} {shape}" if shape is not None else repr(value)[:80]
+
+
+def surface_of(value: Any) -> Surface:
+    """Return ``value`` if it is a surface.
+
+    Raises
+    ------
+    InputError
+        If it is anything else; an array needs its spacing first.
+    """
+    if isinstance(value, (Heightfield, TriMesh)):
+        return value
+    raise InputError(
+        f"needs a Heightfield or TriMesh, got {_described(value)}; "
+        "for an array use Heightfield(array, spacing)"
+    )

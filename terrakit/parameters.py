@@ -1,0 +1,293 @@
+"""How an operator declares a parameter, once.
+
+The declaration carries the default, a sentence, the unit and the bounds; recipes, command-line
+flags, help, JSON Schema, documentation and the contract tests follow from it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic.fields import FieldInfo
+
+from terrakit.errors import ParameterError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from terrakit.operators import Surface
+
+
+class _Setting(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Schedule(_Setting):
+    """A value that changes over the run, linear between knots.
+
+    In a recipe: ``{ at = [0.0, 1.0], value = [40.0, 30.0] }``, ``at`` in fractions of the run.
+    """
+
+    at: list[float] = Field(min_length=1)
+    value: list[float] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _knots(self) -> Schedule:
+        if len(self.at) != len(self.value):
+            raise ValueError(f"at has {len(self.at)} knots, value has {len(self.value)}")
+        if self.at != sorted(set(self.at)) or self.at[0] < 0 or self.at[-1] > 1:
+            raise ValueError("at must rise from 0 to 1 without repeats")
+        return self
+
+    def during(self, fraction: float) -> float:
+        """Return the value when ``fraction`` of the run is done."""
+        import numpy as np
+
+        return float(np.interp(fraction, self.at, self.value))
+
+
+class FromLayer(_Setting):
+    """A value that follows a layer between two ends: ``low`` where it is 0, ``high`` where 1.
+
+    In a recipe: ``{ layer = "mask_rain", low = 0.0, high = 2.0 }``.
+    """
+
+    layer: str
+    low: float
+    high: float
+
+
+Maskable = float | str | FromLayer | Schedule
+"""A number, the name of a layer in the parameter's own unit, a scaled layer, or a schedule."""
+
+Seed = int | str
+"""Any integer or text."""
+
+
+def parameter(
+    default: Any,
+    description: str,
+    *,
+    unit: str = "",
+    ge: float | None = None,
+    gt: float | None = None,
+    le: float | None = None,
+    lt: float | None = None,
+    label: str | None = None,
+    advanced: bool = False,
+) -> Any:
+    """Declare a parameter of an operator.
+
+    Parameters
+    ----------
+    default
+        The value when nothing is said, or ``...`` if one must be given.
+    description
+        One sentence that an artist understands.
+    unit
+        SI unit or ``deg``, ``yr``; empty for pure numbers and names.
+    ge, gt, le, lt
+        Bounds, inclusive (``ge``, ``le``) or not, for numbers, schedules and layers alike.
+    label
+        Short name for panels; by default the parameter's own name in words.
+    advanced
+        Whether panels hide it at first.
+    """
+    bounds = {"ge": ge, "gt": gt, "le": le, "lt": lt}
+    names = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum", "lt": "exclusiveMaximum"}
+    extra: dict[str, Any] = {
+        names[key]: bound for key, bound in bounds.items() if bound is not None
+    }
+    if unit:
+        extra["unit"] = unit
+    if advanced:
+        extra["advanced"] = True
+    return Field(default, description=description, title=label, json_schema_extra=extra)
+
+
+def bounds_of(field: FieldInfo) -> dict[str, float]:
+    """Return the declared bounds by their JSON Schema names."""
+    extra = field.json_schema_extra
+    if not isinstance(extra, dict):
+        return {}
+    kept = ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum")
+    return {key: float(extra[key]) for key in kept if key in extra}  # type: ignore[arg-type]
+
+
+def unit_of(field: FieldInfo) -> str:
+    """Return the declared unit, or an empty string."""
+    extra = field.json_schema_extra
+    return str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+
+
+def bounds_text(field: FieldInfo) -> str:
+    """Return the bounds as a reader says them: ``0 <= x < 90 deg``."""
+    bounds = bounds_of(field)
+    text = "x"
+    if "minimum" in bounds:
+        text = f"{bounds['minimum']:g} <= {text}"
+    elif "exclusiveMinimum" in bounds:
+        text = f"{bounds['exclusiveMinimum']:g} < {text}"
+    if "maximum" in bounds:
+        text = f"{text} <= {bounds['maximum']:g}"
+    elif "exclusiveMaximum" in bounds:
+        text = f"{text} < {bounds['exclusiveMaximum']:g}"
+    unit = unit_of(field)
+    return "" if text == "x" else f"{text} {unit}".rstrip()
+
+
+def within(field: FieldInfo, low: float, high: float) -> bool:
+    """Return whether the range ``low`` to ``high`` lies inside the declared bounds."""
+    bounds = bounds_of(field)
+    return (
+        math.isfinite(low)
+        and math.isfinite(high)
+        and low >= bounds.get("minimum", -math.inf)
+        and low > bounds.get("exclusiveMinimum", -math.inf)
+        and high <= bounds.get("maximum", math.inf)
+        and high < bounds.get("exclusiveMaximum", math.inf)
+    )
+
+
+def check_bounds(name: str, field: FieldInfo, value: Any) -> None:
+    """Raise ValueError if a number, or the ends of a schedule or scaled layer, are out of bounds."""
+    if isinstance(value, Schedule):
+        numbers = value.value
+    elif isinstance(value, FromLayer):
+        numbers = [value.low, value.high]
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        numbers = [value]
+    else:
+        return
+    try:
+        inside = within(field, float(min(numbers)), float(max(numbers)))
+    except OverflowError:
+        inside = False
+    if not inside:
+        allowed = bounds_text(field).replace("x", name) or "a finite number"
+        raise ValueError(f"must be {allowed}")
+
+
+def suggestion(word: str, known: list[str]) -> str:
+    """Return `` (did you mean ...?)`` for the nearest known word, or the whole list."""
+    close = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    if close:
+        return f" (did you mean {close[0]}?)"
+    return f" (known: {', '.join(sorted(known))})" if known else ""
+
+
+def explain(error: ValidationError, model: type[BaseModel], where: str) -> str:
+    """Return the first problem of a validation as one line that begins with ``where``."""
+    problem = error.errors(include_url=False, include_context=False)[0]
+    path = [part for part in problem["loc"] if isinstance(part, (str, int))]
+    name = str(path[0]) if path else ""
+    others = error.error_count() - 1
+    more = (
+        f" (and {others} more)"
+        if others and len({e["loc"][:1] for e in error.errors()}) > 1
+        else ""
+    )
+    if problem["type"] == "extra_forbidden" and len(path) == 1:
+        hint = suggestion(name, list(model.model_fields))
+        return f"{where}: unknown parameter '{name}'{hint}{more}"
+    if problem["type"] == "missing":
+        return f"{where}: {name} is missing{more}"
+    value = problem["input"]
+    field = model.model_fields.get(name)
+    if field is not None and problem["type"] != "value_error":
+        expected = _expected(field)
+        return f"{where}: {name} = {_short(value)}: must be {expected}{more}"
+    message = problem["msg"].removeprefix("Value error, ")
+    shown = f"{name} = {_short(value)}: " if name else ""
+    return f"{where}: {shown}{message}{more}"
+
+
+def type_text(annotation: Any) -> str:
+    """Return a type as a user reads it."""
+    import types
+    import typing
+
+    if annotation == Maskable:
+        return "a number, a layer's name, a scaled layer or a schedule"
+    if annotation == Seed:
+        return "an integer or text"
+    origin = typing.get_origin(annotation)
+    if origin is typing.Literal:
+        return "one of " + ", ".join(str(choice) for choice in typing.get_args(annotation))
+    if origin in (typing.Union, types.UnionType):
+        parts = [type_text(a) for a in typing.get_args(annotation) if a is not type(None)]
+        return " or ".join(dict.fromkeys(parts))
+    plain = {
+        int: "a whole number",
+        float: "a number",
+        bool: "true or false",
+        str: "text",
+    }
+    if annotation in plain:
+        return plain[annotation]
+    if origin in (list, tuple):
+        return "a list"
+    if origin is dict:
+        return "a table"
+    return getattr(annotation, "__name__", str(annotation))
+
+
+def _expected(field: FieldInfo) -> str:
+    limits = bounds_text(field)
+    kind = type_text(field.annotation)
+    return f"{kind}, {limits}" if limits else kind
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def resolve(
+    model: BaseModel, name: str, surface: Surface, fraction: float = 0.0
+) -> float | NDArray[np.float32]:
+    """Return what a maskable parameter is now: one number, or a field of the surface's shape.
+
+    Parameters
+    ----------
+    model
+        The operator.
+    name
+        The parameter.
+    surface
+        The terrain whose layers it may name.
+    fraction
+        How much of the run is done, for schedules.
+
+    Raises
+    ------
+    ParameterError
+        If the layer is missing, or its values leave the parameter's bounds.
+    """
+    import numpy as np
+
+    value = getattr(model, name)
+    if isinstance(value, (int, float)):
+        return float(value)
+    if isinstance(value, Schedule):
+        return value.during(fraction)
+    layer = value.layer if isinstance(value, FromLayer) else str(value)
+    if layer not in surface:
+        known = suggestion(layer, list(surface))
+        raise ParameterError(f"{name} = {layer!r}: the terrain has no such layer{known}")
+    field = surface.layer(layer)
+    if isinstance(value, FromLayer):
+        low, high = np.float32(value.low), np.float32(value.high)
+        field = low + (high - low) * field
+    declared = type(model).model_fields[name]
+    low_end, high_end = float(field.min()), float(field.max())
+    if not within(declared, low_end, high_end):
+        raise ParameterError(
+            f"{name}: layer {layer!r} holds {low_end:g} to {high_end:g}, "
+            f"must be {bounds_text(declared).replace('x', name)}"
+        )
+    return field

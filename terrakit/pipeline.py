@@ -1,0 +1,297 @@
+"""Runs a recipe: from its first step to its files and the record of how they came to be."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from terrakit import atomic
+from terrakit.errors import InputError, OutputError, ParameterError, RecipeError, ResourceError
+from terrakit.execute import check_memory, execute
+from terrakit.heightfield import Grid
+from terrakit.operators import Exporter, Generator, Importer, Surface
+from terrakit.recipe import DEFAULT_MAX_CELLS, Recipe, Step, check_cells
+from terrakit.registry import Registry, default_registry
+from terrakit.results import ResultCache
+from terrakit.running import Run
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run made."""
+
+    surface: Surface
+    """The terrain after the last step."""
+    files: list[Path] = field(default_factory=list)
+    """Every file written, ``run.json`` last."""
+    report: dict[str, Any] = field(default_factory=dict)
+    """The content of ``run.json``."""
+
+
+def run_recipe(
+    recipe: Recipe,
+    run: Run,
+    out: Path | None = None,
+    *,
+    cache: ResultCache | None = None,
+    registry: Registry | None = None,
+    max_cells: int = DEFAULT_MAX_CELLS,
+    on_step: Callable[[Step, dict[str, Any]], None] | None = None,
+) -> Result:
+    """Run ``recipe`` and return its terrain, files and record.
+
+    Parameters
+    ----------
+    recipe
+        The recipe; its seed is ``run.seed``.
+    run
+        Device, progress, cancel.
+    out
+        Folder for the files; without it exporters are left out.
+    cache
+        Earlier results; a step is computed only if its operator, parameters, input, seed or code
+        changed.
+    registry
+        Whose observers are told.
+    max_cells
+        Most samples that a generator may be asked for.
+    on_step
+        Called after each step with its entry of the record.
+
+    Raises
+    ------
+    TerrakitError
+        Before anything is computed where the problem can be known by then.
+    """
+    registry = registry or default_registry()
+    steps = [s for s in recipe.steps if out is not None or not isinstance(s.operator, Exporter)]
+    grid = recipe.grid
+    if isinstance(steps[0].operator, Generator):
+        assert grid is not None
+        check_cells(grid, max_cells)
+        check_run(recipe, steps, grid, out)
+    elif out is not None:
+        _check_outputs(recipe, steps, out)
+    registry.hook.terrakit_run_started(run=run, steps=[step.name for step in steps])
+    surface: Surface | None = None
+    key = ""
+    entries: list[dict[str, Any]] = []
+    files: list[Path] = []
+    for index, step in enumerate(steps, start=1):
+        where = f"{recipe.name}: step {index} '{step.name}'"
+        started = time.perf_counter()
+        step_run = run.for_step(step.name)
+        entry: dict[str, Any] = {"name": step.name, "use": step.use}
+        try:
+            if isinstance(step.operator, Exporter):
+                assert surface is not None
+                assert out is not None
+                written = execute(step.operator, (surface, _target(recipe, step, out)), step_run)
+                files += written
+                entry["files"] = [path.name for path in written]
+            else:
+                key = _key(key, recipe, step, run, grid)
+                kept = cache.load(key) if cache is not None else None
+                entry["cached"] = kept is not None
+                if kept is not None:
+                    surface, entry["ledger"] = kept
+                else:
+                    subject = _subject(recipe, step, grid, surface)
+                    surface = execute(step.operator, subject, step_run)
+                    entry["ledger"] = step_run.ledger.to_dict()
+                    if cache is not None and not run.is_finishing:
+                        cache.store(key, surface, entry["ledger"])
+        except (ParameterError, InputError) as error:
+            message = str(error)
+            shown = message if step.name in message.split(":")[0] else f"{where}: {message}"
+            raise type(error)(shown) from error
+        entry["seconds"] = round(time.perf_counter() - started, 3)
+        entry["cites"] = list(step.operator.cites)
+        entries.append(entry)
+        assert surface is not None
+        registry.hook.terrakit_step_done(
+            run=step_run, step=step.name, surface=surface, report=entry
+        )
+        if on_step is not None:
+            on_step(step, entry)
+    assert surface is not None
+    report = _report(recipe, run, registry, steps, entries, files)
+    if out is not None:
+        text = json.dumps(report, indent=2, ensure_ascii=False) + "\n"
+        files.append(atomic.write_text(atomic.make_folder(out) / "run.json", text))
+    registry.hook.terrakit_run_finished(run=run, report=report)
+    return Result(surface, files, report)
+
+
+def check_run(recipe: Recipe, steps: list[Step], grid: Grid, out: Path | None) -> None:
+    """Raise what can be known before the first step: memory, disk, output places, sizes."""
+    for index, step in enumerate(steps, start=1):
+        try:
+            check_memory(step.operator, grid.shape[0] * grid.shape[1])
+            if isinstance(step.operator, Exporter):
+                step.operator.check(grid)
+        except (ParameterError, InputError, ResourceError) as error:
+            raise type(error)(f"{recipe.name}: step {index} '{step.name}': {error}") from None
+    if out is not None:
+        _check_outputs(recipe, steps, out)
+        _check_disk(steps, grid, out)
+
+
+def _check_outputs(recipe: Recipe, steps: list[Step], out: Path) -> None:
+    exporters = [step for step in steps if isinstance(step.operator, Exporter)]
+    targets: dict[Path, Step] = {}
+    existing = next(p for p in (out, *out.absolute().parents) if p.exists() or p.is_symlink())
+    if not existing.is_dir():
+        raise OutputError(f"{existing}: a file is in the way of a folder; choose another --out")
+    probe = existing / ".terrakit" if existing != out else out / "run.json"
+    atomic.writable_target(probe)
+    for step in exporters:
+        target = _target(recipe, step, out)
+        if target in targets:
+            other = targets[target]
+            raise RecipeError(
+                f"{recipe.name}: steps '{other.name}' and '{step.name}' both write {target.name}; "
+                'give one of them file = "..."'
+            )
+        targets[target] = step
+        if target.parent.is_dir():
+            atomic.writable_target(target)
+
+
+def _check_disk(steps: list[Step], grid: Grid, out: Path) -> None:
+    import shutil
+
+    samples = grid.shape[0] * grid.shape[1]
+    needed = sum(
+        step.operator.bytes_a_sample * samples
+        for step in steps
+        if isinstance(step.operator, Exporter)
+    )
+    existing = next(p for p in (out, *out.absolute().parents) if p.exists())
+    free = shutil.disk_usage(existing).free
+    if needed > free:
+        raise ResourceError(
+            f"{out}: no space left: needs about {needed / 1e6:.0f} MB, {free / 1e6:.0f} MB are "
+            "free; choose another place with --out"
+        )
+
+
+def _target(recipe: Recipe, step: Step, out: Path) -> Path:
+    assert isinstance(step.operator, Exporter)
+    return out / (step.file or recipe.name + step.operator.suffix)
+
+
+def _subject(recipe: Recipe, step: Step, grid: Grid | None, surface: Surface | None) -> Any:
+    if isinstance(step.operator, Generator):
+        return grid
+    if isinstance(step.operator, Importer):
+        return source_path(recipe, step)
+    return surface
+
+
+def source_path(recipe: Recipe, step: Step) -> Path:
+    """Return the file that an importing step reads, which must lie where recipes may read."""
+    assert step.file is not None
+    if step.trusted:
+        return Path(step.file).expanduser()
+    path = (recipe.folder / step.file).resolve()
+    if not path.is_relative_to(recipe.folder.resolve()):
+        raise RecipeError(
+            f"{recipe.name}: step '{step.name}': file = {step.file!r}: leaves the recipe's folder"
+        )
+    return path
+
+
+def _key(before: str, recipe: Recipe, step: Step, run: Run, grid: Grid | None) -> str:
+    """Return what the result of a step depends on, as a digest."""
+    parts: dict[str, Any] = {
+        "before": before,
+        "use": step.use,
+        "code": _code_digest(type(step.operator).__module__.partition(".")[0]),
+        "settings": step.operator.model_dump(mode="json"),
+        "seed": [type(run.seed).__name__, run.seed],
+    }
+    if step.operator.parity != "exact":
+        parts["device"] = run.device_info.label
+    if isinstance(step.operator, Generator) and grid is not None:
+        parts["grid"] = [grid.shape, grid.spacing, grid.origin, grid.crs]
+    if isinstance(step.operator, Importer):
+        parts["file"] = _file_digest(source_path(recipe, step))
+    text = json.dumps(parts, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@lru_cache(maxsize=64)
+def _code_digest(package: str) -> str:
+    """Return a digest of the sources of terrakit and of the operator's package."""
+    digest = hashlib.blake2b(digest_size=16)
+    for name in sorted({"terrakit", package}):
+        origin = getattr(sys.modules.get(name), "__file__", None)
+        if origin is None:
+            continue
+        module = Path(origin)
+        found = module.parent.rglob("*") if module.name == "__init__.py" else [module]
+        for path in sorted(p for p in found if p.suffix in (".py", ".cl")):
+            digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def _file_digest(path: Path) -> str:
+    digest = hashlib.sha256()
+    try:
+        with open(path, "rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    return digest.hexdigest()
+
+
+def _report(
+    recipe: Recipe,
+    run: Run,
+    registry: Registry,
+    steps: list[Step],
+    entries: list[dict[str, Any]],
+    files: list[Path],
+) -> dict[str, Any]:
+    owners = {registry.owner(type(step.operator)) for step in steps}
+    return {
+        "terrakit": version(),
+        "recipe": recipe.with_seed(run.seed).to_dict(),
+        "device": {"name": run.device_info.label, "version": run.device_info.version},
+        "versions": {
+            "python": platform.python_version(),
+            **{name: _version_of(name) for name in ("numpy", "pyopencl", "pydantic", "pluggy")},
+            **{owner.distribution: owner.version for owner in owners},
+        },
+        "steps": entries,
+        "outputs": [
+            {"file": path.name, "bytes": path.stat().st_size, "sha256": _file_digest(path)}
+            for path in files
+        ],
+        "cites": sorted({cite for step in steps for cite in step.operator.cites}),
+    }
+
+
+def version() -> str:
+    """Return the version of the installed terrakit."""
+    return _version_of("terrakit")
+
+
+def _version_of(distribution: str) -> str:
+    from importlib.metadata import PackageNotFoundError
+    from importlib.metadata import version as installed
+
+    try:
+        return installed(distribution)
+    except PackageNotFoundError:
+        return "unknown"

@@ -1,0 +1,424 @@
+"""Recipes: what a run is made of, as a TOML file without any code in it.
+
+A recipe is a header (``size`` in metres, ``spacing`` or ``samples``, ``seed``, ``sea_level``) and
+``[[step]]`` tables. A step names its operator with ``use``; every other key is one of that
+operator's parameters. Unknown keys are errors.
+
+Paths in a recipe are relative to the recipe's folder and may not leave it, so that a recipe from
+elsewhere reads nothing but what came with it. Paths given on the command line or in Python may be
+anywhere. Nothing in a recipe is expanded or run.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from terrakit.errors import ParameterError, RecipeError
+from terrakit.heightfield import Grid
+from terrakit.operators import Exporter, Generator, Importer, Operator
+from terrakit.parameters import Seed, explain, suggestion
+from terrakit.registry import Registry, default_registry
+from terrakit.running import seed_words
+
+FORMAT = 1
+LARGEST_FILE = 2**20
+MOST_STEPS = 1000
+RESERVED = ("use", "name", "file", "preset")
+DEFAULT_MAX_CELLS = 2**28
+
+
+class Header(BaseModel):
+    """The keys of a recipe outside its steps."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    format: int = Field(FORMAT, description="Version of the recipe format.")
+    title: str = Field("", description="One line for people.")
+    description: str = Field("", description="What the terrain is.")
+    seed: Seed = Field(0, description="Any integer or text; everything random follows from it.")
+    size: float | list[float] | None = Field(
+        None, description="Extent in metres: one number, or west-east and south-north."
+    )
+    spacing: float | None = Field(None, description="Distance between samples, metres.")
+    samples: int | list[int] | None = Field(
+        None, description="Samples a side: one number, or columns and rows."
+    )
+    origin: list[float] | None = Field(
+        None, description="World x and y of the south-west corner, metres."
+    )
+    sea_level: float | None = Field(None, description="Height of the sea, metres; none without it.")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: its operator, and the file that an importer or exporter names."""
+
+    name: str
+    operator: Operator
+    file: str | None = None
+    trusted: bool = False
+    """Whether ``file`` was given by the user rather than by the recipe."""
+
+    @property
+    def use(self) -> str:
+        """The operator's name."""
+        return self.operator.name
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A validated recipe.
+
+    Parameters
+    ----------
+    name
+        Stem of the files that it writes.
+    header
+        Size, resolution, seed, sea level.
+    steps
+        At least one; the first makes or reads a terrain.
+    folder
+        Where relative paths begin.
+    """
+
+    name: str
+    header: Header
+    steps: tuple[Step, ...]
+    folder: Path = field(default_factory=Path.cwd)
+
+    @property
+    def grid(self) -> Grid | None:
+        """Where a generator's samples lie; None where an importer decides."""
+        return grid_of(self.header)
+
+    def with_seed(self, seed: Seed) -> Recipe:
+        """Return the recipe with another seed."""
+        seed_words(seed)
+        return replace(self, header=self.header.model_copy(update={"seed": seed}))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the recipe with every parameter spelled out, as ``run.json`` holds it."""
+        steps = []
+        for step in self.steps:
+            entry: dict[str, Any] = {"use": step.use, "name": step.name}
+            if step.file is not None:
+                entry["file"] = Path(step.file).name if step.trusted else step.file
+            entry |= step.operator.model_dump(mode="json")
+            steps.append(entry)
+        header = self.header.model_dump(mode="json", exclude_none=True)
+        return {"name": self.name, **header, "step": steps}
+
+
+def shipped() -> list[str]:
+    """Return the names of the recipes that come with terrakit."""
+    folder = resources.files("terrakit") / "recipes"
+    return sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml"))
+
+
+def load_recipe(
+    source: str | os.PathLike[str] | Mapping[str, Any],
+    settings: Mapping[str, Any] | None = None,
+    registry: Registry | None = None,
+) -> Recipe:
+    """Return the validated recipe in a file, of a shipped name, or from a mapping.
+
+    Parameters
+    ----------
+    source
+        Path of a ``.toml`` file, name of a shipped recipe, or a mapping of the same structure.
+    settings
+        Changes: ``{"step.parameter": value}``, or ``{"size": value}`` for the header.
+    registry
+        Where operators are looked up; by default everything installed.
+
+    Raises
+    ------
+    RecipeError
+        With the file or step, the key, the value, the limit and the way out.
+    """
+    registry = registry or default_registry()
+    if isinstance(source, Mapping):
+        return _parse(dict(source), "recipe", "recipe", Path.cwd(), settings or {}, registry, True)
+    path = Path(source)
+    if str(source) in shipped() and not path.exists():
+        resource = resources.files("terrakit") / "recipes" / f"{source}.toml"
+        text, name, folder = resource.read_text("utf-8"), str(source), Path.cwd()
+        shown = f"{source}.toml"
+    else:
+        text, name, folder, shown = _read(path), path.stem, path.resolve().parent, path.name
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise RecipeError(f"{shown}: {error}; a recipe is TOML") from None
+    except RecursionError:
+        raise RecipeError(f"{shown}: nested too deeply") from None
+    return _parse(document, name, shown, folder, settings or {}, registry, False)
+
+
+def grid_of(header: Header) -> Grid | None:
+    """Return the grid that a header describes, or None if it gives no size.
+
+    Raises
+    ------
+    RecipeError
+        If the header gives too much or too little.
+    """
+    given = [key for key in ("size", "spacing", "samples") if getattr(header, key) is not None]
+    if not given:
+        return None
+    if len(given) != 2:
+        which = ", ".join(given)
+        raise RecipeError(
+            f"header gives {which}: give two of size, spacing and samples (size in metres)"
+        )
+    if header.samples is not None:
+        cols, rows = (int(n) for n in _pair(header.samples, "samples"))
+        if min(cols, rows) < 2:
+            raise RecipeError(f"samples = {header.samples}: must be >= 2")
+    if header.spacing is not None and not header.spacing > 0:
+        raise RecipeError(f"spacing = {header.spacing:g}: must be > 0 m")
+    if header.size is not None:
+        width, height = _pair(header.size, "size")
+        if min(width, height) <= 0:
+            raise RecipeError(f"size = {header.size}: must be > 0 m")
+        if header.spacing is not None:
+            if max(width, height) / header.spacing > 2**24:
+                raise RecipeError(
+                    f"size = {header.size}: at spacing {header.spacing:g} m that is more than "
+                    "16777216 samples a side; raise spacing"
+                )
+            cols, rows = (round(side / header.spacing) + 1 for side in (width, height))
+            spacing = header.spacing
+        else:
+            spacing = width / (cols - 1)
+            if not math.isclose(spacing, height / (rows - 1), rel_tol=1e-6):
+                raise RecipeError(
+                    f"samples = {header.samples} over size = {header.size}: cells are "
+                    f"{spacing:g} x {height / (rows - 1):g} m, they must be square"
+                )
+    else:
+        assert header.spacing is not None
+        spacing = header.spacing
+    west, south = _pair(header.origin, "origin") if header.origin else (0.0, 0.0)
+    return Grid((rows, cols), spacing, (west, south + (rows - 1) * spacing))
+
+
+def check_cells(grid: Grid, limit: int = DEFAULT_MAX_CELLS) -> None:
+    """Raise RecipeError if ``grid`` has more samples than ``limit``."""
+    cells = grid.shape[0] * grid.shape[1]
+    if cells > limit:
+        raise RecipeError(
+            f"{grid.shape[0]}x{grid.shape[1]} = {cells} samples > {limit}; "
+            "raise spacing, or allow more with --max-cells"
+        )
+
+
+def _pair(value: Any, key: str) -> tuple[float, float]:
+    if isinstance(value, list):
+        if len(value) != 2:
+            raise RecipeError(f"{key} = {value}: must be one number or two")
+        return value[0], value[1]
+    return value, value
+
+
+def _read(path: Path) -> str:
+    if path.is_dir():
+        raise RecipeError(f"{path}: is a folder; name a .toml file or one of: {_names()}")
+    if not path.exists():
+        hint = suggestion(str(path), shipped()) if path.suffix != ".toml" else ""
+        raise RecipeError(f"{path}: no such recipe{hint}; name a .toml file or one of: {_names()}")
+    if not path.is_file():
+        raise RecipeError(f"{path}: is not a regular file; name a .toml file")
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise RecipeError(f"{path}: {path.stat().st_size} bytes > {LARGEST_FILE}; no recipe")
+        content = path.read_bytes()
+    except OSError as error:
+        raise RecipeError(f"{path}: cannot be read ({error.strerror})") from None
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise RecipeError(
+            f"{path.name}: byte {error.start} is not UTF-8; a recipe is UTF-8 TOML"
+        ) from None
+    if not text.strip():
+        raise RecipeError(f"{path.name}: is empty; needs at least one [[step]]")
+    return text
+
+
+def _names() -> str:
+    return ", ".join(shipped())
+
+
+def _parse(
+    document: dict[str, Any],
+    name: str,
+    shown: str,
+    folder: Path,
+    settings: Mapping[str, Any],
+    registry: Registry,
+    trusted: bool,
+) -> Recipe:
+    document = dict(document)
+    tables = document.pop("step", None)
+    if tables is None:
+        misspelt = [k for k in document if isinstance(document[k], list)]
+        hint = suggestion(misspelt[0], ["step"]) if misspelt else ""
+        raise RecipeError(f"{shown}: has no [[step]]{hint}")
+    if not isinstance(tables, list) or not all(isinstance(t, dict) for t in tables):
+        raise RecipeError(f'{shown}: step must be [[step]] tables, each with use = "..."')
+    if not 1 <= len(tables) <= MOST_STEPS:
+        raise RecipeError(f"{shown}: {len(tables)} steps; must be 1 to {MOST_STEPS}")
+    tables = [dict(table) for table in tables]
+    version = document.get("format", FORMAT)
+    if isinstance(version, int) and version > FORMAT:
+        raise RecipeError(f"{shown}: made for recipe format {version}, this is {FORMAT}; update")
+    names = _step_names(tables, shown)
+    given = _apply(settings, document, tables, names, shown)
+    try:
+        header = Header.model_validate(document)
+    except ValidationError as error:
+        raise RecipeError(explain(error, Header, shown)) from None
+    try:
+        seed_words(header.seed)
+        grid = grid_of(header)
+        steps = []
+        for index, (step_name, table) in enumerate(zip(names, tables, strict=True), start=1):
+            where = f"{shown}: step {index} '{step_name}'"
+            trust = trusted or (step_name, "file") in given
+            steps.append(_step(step_name, table, where, registry, trust))
+        _check_order(steps, shown, grid)
+    except RecipeError as error:
+        message = str(error)
+        raise RecipeError(message if message.startswith(shown) else f"{shown}: {message}") from None
+    return Recipe(name, header, tuple(steps), folder)
+
+
+def _step_names(tables: list[dict[str, Any]], shown: str) -> list[str]:
+    names: list[str] = []
+    for index, table in enumerate(tables, start=1):
+        use = table.get("use")
+        if not isinstance(use, str) or not use:
+            raise RecipeError(f'{shown}: step {index}: use is missing; say use = "fbm"')
+        name = table.pop("name", None)
+        if name is None:
+            bare = use.rpartition(":")[2]
+            name, count = bare, 1
+            while name in names:
+                count += 1
+                name = f"{bare}_{count}"
+        elif not isinstance(name, str) or not name or "." in name:
+            raise RecipeError(f"{shown}: step {index}: name = {name!r}: must be text without dots")
+        elif name in names:
+            first = names.index(name) + 1
+            raise RecipeError(f"{shown}: steps {first} and {index} are both named '{name}'")
+        names.append(name)
+    return names
+
+
+def _apply(
+    settings: Mapping[str, Any],
+    document: dict[str, Any],
+    tables: list[dict[str, Any]],
+    names: list[str],
+    shown: str,
+) -> set[tuple[str, str]]:
+    """Put the user's changes into the document; return the (step, key) pairs that changed."""
+    changed = set()
+    for key, value in settings.items():
+        step, dot, parameter = key.partition(".")
+        if not dot:
+            if key not in Header.model_fields:
+                hint = suggestion(key, [*Header.model_fields, *names])
+                raise RecipeError(f"{shown}: --set {key}: no such key{hint}; steps need step.key")
+            document[key] = value
+            if key in ("size", "spacing", "samples"):
+                _drop_third(document, key)
+        elif step not in names:
+            raise RecipeError(f"{shown}: --set {key}: no step '{step}'{suggestion(step, names)}")
+        else:
+            tables[names.index(step)][parameter] = value
+            changed.add((step, parameter))
+    return changed
+
+
+def _drop_third(document: dict[str, Any], key: str) -> None:
+    """Keep the extent when the resolution is changed, and the spacing when the size is."""
+    other = {"samples": "spacing", "spacing": "samples", "size": "samples"}[key]
+    if sum(k in document for k in ("size", "spacing", "samples")) > 2:
+        document.pop(other)
+
+
+def _step(name: str, table: dict[str, Any], where: str, registry: Registry, trusted: bool) -> Step:
+    settings = dict(table)
+    use = settings.pop("use")
+    try:
+        kind = registry.get(use)
+    except ParameterError as error:
+        raise RecipeError(f"{where}: {error}") from None
+    file = None
+    if issubclass(kind, (Importer, Exporter)):
+        file = settings.pop("file", None)
+        if file is None and issubclass(kind, Importer):
+            raise RecipeError(f'{where}: file is missing; say file = "terrain.tif"')
+        if file is not None:
+            check_path(file, where, trusted)
+    try:
+        return Step(name, kind.from_settings(settings, where), file, trusted)
+    except ParameterError as error:
+        raise RecipeError(str(error)) from None
+
+
+def check_path(file: Any, where: str, trusted: bool) -> None:
+    """Raise RecipeError if a recipe's path is no relative path inside its own folder."""
+    if not isinstance(file, str) or not file or "\0" in file:
+        raise RecipeError(f"{where}: file = {file!r}: must be a path")
+    if trusted:
+        return
+    parts = Path(file.replace("\\", "/")).parts
+    if "://" in file:
+        raise RecipeError(f"{where}: file = {file!r}: is a URL; download it first")
+    if Path(file).is_absolute() or ".." in parts or parts[:1] == ("~",) or ":" in parts[0]:
+        raise RecipeError(
+            f"{where}: file = {file!r}: leaves the recipe's folder; put the file beside the recipe "
+            "or give it with --set"
+        )
+
+
+def _check_order(steps: Iterable[Step], shown: str, grid: Grid | None) -> None:
+    for index, step in enumerate(steps, start=1):
+        where = f"{shown}: step {index} '{step.name}'"
+        source = isinstance(step.operator, (Generator, Importer))
+        if index == 1 and not source:
+            raise RecipeError(
+                f"{where}: {step.use} needs a terrain; begin with a generator or an importer"
+            )
+        if index > 1 and source:
+            raise RecipeError(
+                f"{where}: {step.use} would discard the terrain so far; it must be the first step"
+            )
+        if isinstance(step.operator, Generator) and grid is None:
+            raise RecipeError(
+                f"{where}: {step.use} needs an extent; give size (m) and samples in the header"
+            )
+
+
+__all__ = [
+    "DEFAULT_MAX_CELLS",
+    "Header",
+    "Recipe",
+    "Step",
+    "check_cells",
+    "grid_of",
+    "load_recipe",
+    "shipped",
+]
