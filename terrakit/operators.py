@@ -86,9 +86,10 @@ class Operator(BaseModel):
                 raise ParameterError(f"{where}: preset = {preset!r}: not a preset (known: {known})")
             settings = {**cls.presets[preset], **settings}
         try:
-            return cls.model_validate(settings)
-        except ValidationError as error:
-            raise ParameterError(explain(error, cls, where)) from None
+            return cls(**settings)
+        except ParameterError as error:
+            own = f"{cls.name or cls.__name__}: "
+            raise ParameterError(f"{where}: {str(error).removeprefix(own)}") from None
 
     @classmethod
     def summary(cls) -> str:

@@ -218,6 +218,7 @@ def _key(before: str, recipe: Recipe, step: Step, run: Run, grid: Grid | None) -
         "code": _code_digest(type(step.operator).__module__.partition(".")[0]),
         "settings": step.operator.model_dump(mode="json"),
         "seed": [type(run.seed).__name__, run.seed],
+        "sea_level": run.sea_level,
     }
     if step.operator.parity != "exact":
         parts["device"] = run.device_info.label

@@ -69,6 +69,8 @@ class Run:
         Called now and then with a surface that is not finished yet.
     work_group
         Work-group size for tests.
+    sea_level
+        Height of the sea of this world, metres; None where there is none.
     """
 
     def __init__(
@@ -78,11 +80,13 @@ class Run:
         on_progress: Callable[[Progress], None] | None = None,
         on_preview: Callable[[Surface], None] | None = None,
         work_group: int | None = None,
+        sea_level: float | None = None,
     ) -> None:
         seed_words(seed)
         self.seed = seed
         self.on_progress = on_progress
         self.on_preview = on_preview
+        self.sea_level = sea_level
         self.ledger = Ledger()
         self.step = ""
         self._device = device

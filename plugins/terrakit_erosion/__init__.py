@@ -9,6 +9,7 @@ from terrakit.operators import Erosion
 @hookimpl
 def terrakit_erosions() -> list[type[Erosion]]:
     """Return the erosions of this package."""
+    from terrakit_erosion.stream_power import StreamPower
     from terrakit_erosion.thermal import Thermal
 
-    return [Thermal]
+    return [StreamPower, Thermal]

@@ -1,0 +1,274 @@
+"""Stream power: rivers cut, hillslopes creep, the land rises."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrakit.errors import ParameterError
+from terrakit.heightfield import Heightfield
+from terrakit.operators import Erosion
+from terrakit.parameters import Maskable, parameter
+from terrakit.quanta import Quanta
+from terrakit.running import Run
+
+SIDES = ("north", "south", "west", "east")
+MOST_SHARE = 0.15
+"""Largest share of a difference that creep moves in a sweep; half of what is stable."""
+
+
+class StreamPower(Erosion):
+    """Carve valleys with rivers while the land rises and hillslopes creep.
+
+    The bed falls with the power of the stream, and soil creeps downhill::
+
+        dz/dt = U - K a^m S^n + div(D grad z / (1 - (S / S_c)^2))
+
+    Every step routes the water of every cell to an outlet, through depressions over their lowest
+    pass, and solves the equation of the stream implicitly from the outlets up, so that any time
+    step is stable. Hillslope diffusion runs in as many sweeps as its stability asks for.
+
+    Notes
+    -----
+    Rivers leave where the border is lowest, one within each ``outlet_spacing``; there, and below
+    the sea level, the height is held. ``border = "fixed"`` holds the whole border instead. What
+    streams cut is carried out of the map; fans and deltas are not built.
+
+    References
+    ----------
+    J. Braun and S. D. Willett, Geomorphology 180, 2013. G. Cordonnier, B. Bovy and J. Braun, Earth
+    Surface Dynamics 7, 2019. J. Roering, J. Kirchner and W. Dietrich, Water Resources Research 35,
+    1999. J. Fairfield and P. Leymarie, Water Resources Research 27, 1991.
+    """
+
+    name = "stream_power"
+    writes = ("elevation", "drainage_area", "erosion")
+    uses = ("erosion",)
+    cites = (
+        "Braun & Willett 2013",
+        "Cordonnier, Bovy & Braun 2019",
+        "Roering, Kirchner & Dietrich 1999",
+        "Fairfield & Leymarie 1991",
+    )
+    fields = 40
+    idle: ClassVar = {"duration": 0.0}
+    turning: ClassVar = {"routing": "d8"}
+
+    duration: float = parameter(1e6, "Years that pass.", unit="yr", ge=0, le=1e10)
+    uplift_rate: Maskable = parameter(
+        5e-4, "Rise of the land; with 0 the relief only wears down.", unit="m/yr", ge=0, le=1
+    )
+    erodibility: Maskable = parameter(
+        1e-5,
+        "How fast streams cut; 1e-6 is hard rock, 1e-4 is soft ground.",
+        unit="m^(1-2m)/yr",
+        ge=0,
+        le=1,
+    )
+    area_exponent: float = parameter(
+        0.45, "How much more a large river cuts than a brook (m).", gt=0, le=2
+    )
+    slope_exponent: float = parameter(
+        1.0, "How much more a steep stream cuts than a flat one (n).", ge=0.3, le=4
+    )
+    diffusivity: float = parameter(
+        0.02, "Creep of soil, which rounds the ridges.", unit="m2/yr", ge=0, le=1e4
+    )
+    critical_slope: float | None = parameter(
+        None,
+        "Slope at which creep turns into sliding; without it creep is linear.",
+        unit="deg",
+        gt=0,
+        lt=90,
+    )
+    time_step: float = parameter(
+        2.5e4, "Years between two routings of the water.", unit="yr", gt=0, le=1e9
+    )
+    routing: Literal["rho8", "d8"] = parameter(
+        "rho8", "rho8 follows the true slope in the mean; d8 only the eight directions."
+    )
+    border: Literal["lowest", "fixed"] = parameter(
+        "lowest", "Whether rivers leave at the lowest points of the border, or all along it."
+    )
+    outlet_spacing: float = parameter(
+        3000.0, "Least distance between two rivers that leave the map.", unit="m", ge=0
+    )
+
+    presets: ClassVar = {
+        "alpine": {"uplift_rate": 1e-3, "erodibility": 1e-5, "critical_slope": 40.0},
+        "badlands": {"uplift_rate": 5e-4, "erodibility": 1e-4, "diffusivity": 0.005},
+        "old_hills": {"uplift_rate": 5e-5, "erodibility": 2e-6, "diffusivity": 0.1},
+    }
+
+    def erode(self, surface: Heightfield, run: Run) -> Heightfield:
+        """Return the terrain after ``duration`` years."""
+        steps = math.ceil(self.duration / self.time_step - 1e-9)
+        if steps > 100000:
+            raise ParameterError(
+                f"time_step = {self.time_step:g}: {steps} steps for {self.duration:g} yr, at most "
+                "100000; raise time_step"
+            )
+        plan = self._plan(surface, run, self.duration / max(1, steps))
+        if run.device is None:
+            from terrakit_erosion.stream_power.numpy_model import NumpyModel as Model
+        else:
+            from terrakit_erosion.stream_power.opencl import OpenCLModel as Model  # type: ignore[assignment]
+        model = Model(plan, run)
+        done = 0
+        for _ in run.steps(steps):
+            model.step()
+            done += 1
+            run.offer(lambda: surface.with_layers(elevation=plan.heights(model.height())))
+        end, area = model.height(), model.drainage_area()
+        incised, received = model.removed()
+        risen = np.where(plan.outlet != 0, 0, plan.uplift.astype(np.int64) * done)
+        self._book(run, plan, end, risen, incised, received, model.outlet_of_cells())
+        if steps == 0:
+            return surface
+        eroded = np.maximum(risen + plan.start - end, 0) * plan.quanta.quantum
+        before = surface.layer("erosion") if "erosion" in surface else np.float32(0)
+        return surface.with_layers(
+            elevation=plan.heights(end),
+            drainage_area=area.astype(np.float32) * np.float32(surface.cell_area),
+            erosion=before + eroded.astype(np.float32),
+        )
+
+    def _plan(self, surface: Heightfield, run: Run, time_step: float) -> Plan:
+        """Return everything that stays the same from step to step."""
+        rate = np.asarray(self.value("uplift_rate", surface), dtype=np.float64)
+        headroom = float(rate.max()) * self.duration
+        quanta = Quanta.fitting(surface.elevation, surface.spacing, headroom)
+        if quanta.quantum > surface.spacing:
+            raise ParameterError(
+                f"uplift_rate: {float(rate.max()):g} m/yr over {self.duration:g} yr raises the land "
+                f"by {headroom:g} m; lower one of the two"
+            )
+        start = quanta.count(surface.elevation)
+        strength = np.asarray(self.value("erodibility", surface), dtype=np.float64) * time_step
+        x, y = surface.origin
+        spread = self.diffusivity * time_step / surface.spacing**2
+        sweeps = math.ceil(spread / MOST_SHARE)
+        share = spread / sweeps if sweeps else 0.0
+        steepness = 0.0
+        if self.critical_slope is not None:
+            critical = math.tan(math.radians(self.critical_slope))
+            steepness = quanta.quantum / surface.spacing / critical
+        return Plan(
+            before=surface.elevation,
+            start=start,
+            outlet=self._outlets(surface, start, run.sea_level),
+            quanta=quanta,
+            spacing=surface.spacing,
+            erodibility=np.atleast_1d(strength.astype(np.float32)),
+            uplift=np.atleast_1d(np.rint(rate * time_step / quanta.quantum).astype(np.int32)),
+            exponents=(self.area_exponent, self.slope_exponent),
+            sweeps=sweeps,
+            shares=(
+                share * 2 / 3,
+                share / 6,
+                MOST_SHARE * 2 / 3,
+                steepness,
+                steepness / math.sqrt(2.0),
+            ),
+            method=self.routing,
+            seed=run.words(self.name),
+            world_cell=(-round(y / surface.spacing), round(x / surface.spacing)),
+        )
+
+    def _outlets(
+        self, surface: Heightfield, height: NDArray[np.int32], sea_level: float | None
+    ) -> NDArray[np.uint8]:
+        """Return 1 where water leaves and the height is held."""
+        rows, cols = height.shape
+        outlet = np.zeros(height.shape, dtype=np.uint8)
+        if self.border == "fixed":
+            outlet[[0, -1], :] = 1
+            outlet[:, [0, -1]] = 1
+        else:
+            ring = _ring(rows, cols)
+            along = height.ravel()[ring]
+            window = min(round(self.outlet_spacing / surface.spacing), len(ring) // 2 - 1)
+            outlet.ravel()[ring[_lowest_around(along, max(1, window))]] = 1
+        if sea_level is not None:
+            outlet[surface.elevation < np.float32(sea_level)] = 1
+        return outlet
+
+    def _book(
+        self,
+        run: Run,
+        plan: Plan,
+        end: NDArray[np.int32],
+        risen: NDArray[np.int64],
+        incised: NDArray[np.int64],
+        received: NDArray[np.int64],
+        outlet_of: NDArray[np.int32],
+    ) -> None:
+        """Book uplift, and what rivers and slopes carried out, by the side that it left through."""
+        ledger, cell_area = run.ledger, plan.spacing**2
+        volume = plan.quanta.quantum * cell_area
+        ledger.open("rock", plan.quanta.volume(plan.start, cell_area))
+        ledger.came("rock", "uplift", int(np.broadcast_to(risen, end.shape).sum()) * volume)
+        rows, cols = end.shape
+        row, col = np.divmod(outlet_of, cols)
+        side = np.full(end.shape, "sea", dtype="<U12")
+        side[col == cols - 1] = "border east"
+        side[col == 0] = "border west"
+        side[row == rows - 1] = "border south"
+        side[row == 0] = "border north"
+        carried = incised + received
+        for name in (*(f"border {s}" for s in SIDES), "sea"):
+            leaving = int(carried[side == name].sum())
+            if leaving:
+                ledger.left("rock", name, leaving * volume)
+        moved = int(incised.sum()) + int(np.abs(received).sum())
+        ledger.close("rock", plan.quanta.volume(end, cell_area), moved * volume)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a model needs to know; heights in quanta, everything else in metres and steps."""
+
+    before: NDArray[np.float32]
+    start: NDArray[np.int32]
+    outlet: NDArray[np.uint8]
+    quanta: Quanta
+    spacing: float
+    erodibility: NDArray[np.float32]
+    """K times the time step, of every cell or one."""
+    uplift: NDArray[np.int32]
+    """Rise in a time step, of every cell or one."""
+    exponents: tuple[float, float]
+    sweeps: int
+    shares: tuple[float, float, float, float, float]
+    method: str
+    seed: tuple[int, int]
+    world_cell: tuple[int, int]
+
+    def heights(self, end: NDArray[np.int32]) -> NDArray[np.float32]:
+        """Return counts as metres."""
+        return self.quanta.height(self.before, self.start, end)
+
+
+def _ring(rows: int, cols: int) -> NDArray[np.intp]:
+    """Return the indices of the border cells, once around."""
+    index = np.arange(rows * cols).reshape(rows, cols)
+    return np.concatenate((index[0, :-1], index[:-1, -1], index[-1, :0:-1], index[:0:-1, 0]))
+
+
+def _lowest_around(values: NDArray[np.int32], window: int) -> NDArray[np.bool_]:
+    """Return which values of a ring are the lowest within ``window`` on either side."""
+    # Rank instead of height, so that of equally low cells one is chosen
+    order = np.lexsort((np.arange(len(values)), values))
+    rank = np.empty(len(values), dtype=np.int64)
+    rank[order] = np.arange(len(values))
+    least = rank.copy()
+    reach = 0
+    while reach < window:  # the minimum over a window that doubles
+        step = min(max(1, reach), window - reach)
+        least = np.minimum(least, np.minimum(np.roll(least, step), np.roll(least, -step)))
+        reach += step
+    return least == rank

@@ -1,0 +1,97 @@
+"""The steps of stream power on a device; the state stays there from the first to the last."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from terrakit.compute import DeviceArray
+from terrakit.routing import Routing, outlets, route, sweep_up
+from terrakit.running import Run
+from terrakit_erosion.stream_power import Plan
+
+
+class OpenCLModel:
+    """Heights and totals that change from step to step."""
+
+    def __init__(self, plan: Plan, run: Run) -> None:
+        device = run.device
+        assert device is not None
+        self._plan = plan
+        self._device = device
+        defines = {
+            "POWER_UNIFORM": plan.erodibility.ndim == 1,
+            "UPLIFT_UNIFORM": plan.uplift.ndim == 1,
+            "SLOPE_LINEAR": plan.exponents[1] == 1.0,
+        }
+        self._program = device.program(
+            __file__, "stream_power.cl", {name: 1 for name, on in defines.items() if on}
+        )
+        shape = plan.start.shape
+        self._now = device.upload(plan.start)
+        self._after = device.empty(shape, np.int32)
+        self._outlet = device.upload(plan.outlet)
+        self._erodibility = device.upload(plan.erodibility)
+        self._uplift = device.upload(plan.uplift)
+        self._incised = device.zeros(shape, np.int64)
+        self._received = device.zeros(shape, np.int64)
+        self._routing: Routing[DeviceArray] | None = None
+
+    def step(self) -> None:
+        """Creep, route, cut."""
+        plan = self._plan
+        rows, cols = plan.start.shape
+        shares = tuple(np.float32(share) for share in plan.shares)
+        for _ in range(plan.sweeps):
+            self._program.launch(
+                "stream_power_diffuse",
+                (rows,) if self._device.is_cpu else (rows, cols),
+                *(self._now, self._after, self._outlet, self._received, *shares),
+                *(np.int32(rows), np.int32(cols)),
+                local=(4,) if self._device.is_cpu else None,
+            )
+            self._now, self._after = self._after, self._now
+        self._routing = self._route()
+        sweep_up(
+            self._routing,
+            self._program,
+            "stream_power_incise",
+            *(self._routing.area, self._outlet, self._now, self._after, self._incised),
+            *(self._erodibility, self._uplift),
+            *(np.float32(value) for value in (plan.spacing**2, *plan.exponents, plan.spacing)),
+            *(np.float32(plan.quanta.quantum), np.int32(cols)),
+        )
+        self._now, self._after = self._after, self._now
+        self._device.finish()
+
+    def height(self) -> NDArray[np.int32]:
+        """Return the heights now, quanta."""
+        return self._now.download()
+
+    def drainage_area(self) -> NDArray[np.int32]:
+        """Return the number of cells that drain through each cell."""
+        return self._last_routing().area.download()
+
+    def outlet_of_cells(self) -> NDArray[np.int32]:
+        """Return the cell at which the water of each cell leaves."""
+        return outlets(self._last_routing()).download()
+
+    def removed(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return what streams cut from each cell, and what held cells took, quanta."""
+        return self._incised.download(), self._received.download()
+
+    def _last_routing(self) -> Routing[DeviceArray]:
+        if self._routing is None:
+            self._routing = self._route()
+        return self._routing
+
+    def _route(self) -> Routing[DeviceArray]:
+        plan = self._plan
+        return route(
+            self._now,
+            self._outlet,
+            method=plan.method,
+            seed=plan.seed,
+            origin=plan.world_cell,
+            device=self._device,
+        )

@@ -1,0 +1,147 @@
+// Stream power with hillslope diffusion, in integer heights. Twin of reference.py.
+//
+// POWER_UNIFORM: erodibility is one number. UPLIFT_UNIFORM: uplift is one number.
+// SLOPE_LINEAR: the slope exponent is 1, so that each cell is solved without iteration.
+
+#define NEWTON_STEPS 12
+
+#ifdef POWER_UNIFORM
+#define ERODIBILITY(i) erodibility[0]
+#else
+#define ERODIBILITY(i) erodibility[i]
+#endif
+#ifdef UPLIFT_UNIFORM
+#define UPLIFT(i) uplift[0]
+#else
+#define UPLIFT(i) uplift[i]
+#endif
+
+// Height that is left of a drop (quanta) to the receiver after a step of time.
+//   linear:  y (1 + g) = D          with g = K dt a^m / L
+//   else:    y + g (y / L)^n = D    by Newton's method, in metres
+inline int stream_power_left(
+    int drop, float strength, float length, float exponent, float quantum)
+{
+#ifdef SLOPE_LINEAR
+    const float g = strength / length;
+    return drop - (int)((float)drop * (g / (1.0f + g)));
+#else
+    const float whole = (float)drop * quantum;
+    float y = whole;
+    for (int k = 0; k < NEWTON_STEPS; ++k) {
+        const float p = strength * exact_power(y / length, exponent);
+        const float next = y - (y + p - whole) / (1.0f + exponent * p / y);
+        const float least = 0.1f * y;
+        y = next < least ? least : (next > whole ? whole : next);
+    }
+    return (int)(y / quantum);
+#endif
+}
+
+// Solve every path from its receiver up: lift, then let the stream cut (Braun & Willett 2013).
+__kernel void stream_power_incise(
+    __global const int *restrict heads, int start, int count,
+    __global const int *restrict receiver,
+    __global const int *restrict main_donor,
+    __global const int *restrict area,
+    __global const uchar *restrict outlet,
+    __global const int *restrict before,
+    __global int *after,
+    __global long *incised,
+    __global const float *restrict erodibility,
+    __global const int *restrict uplift,
+    const float cell_area,
+    const float area_exponent,
+    const float slope_exponent,
+    const float spacing,
+    const float quantum,
+    const int cols)
+{
+    const int path = (int)get_global_id(0);
+    if (path >= count) return;
+    int cell = heads[start + path];
+    int below = receiver[cell];
+    int base = below == cell ? 0 : after[below];
+    while (cell >= 0) {
+        int height = before[cell];
+        if (!outlet[cell]) {
+            height += UPLIFT(cell);
+            const int drop = height - base;
+            if (below != cell && drop > 1) {
+                const int step = cell > below ? cell - below : below - cell;
+                const float length = (step == 1 || step == cols) ? spacing : spacing * 1.41421356f;
+                const float discharge = exact_power((float)area[cell] * cell_area, area_exponent);
+                const int left = stream_power_left(
+                    drop, ERODIBILITY(cell) * discharge, length, slope_exponent, quantum);
+                const int lowest = base + (left < 1 ? 1 : left);
+                incised[cell] += height - lowest;
+                height = lowest;
+            }
+        }
+        after[cell] = height;
+        base = height;
+        below = cell;
+        cell = main_donor[cell];
+    }
+}
+
+// Flux to a neighbour by creep; nonlinear where a critical slope is given (Roering 1999).
+// Its growth towards the critical slope is capped so that the step stays stable.
+inline int stream_power_creep(int d, float share, float most, float slope_of_quantum)
+{
+    float rate = share;
+    if (slope_of_quantum > 0.0f) {
+        const float s = (float)d * slope_of_quantum;
+        const float square = s * s;
+        rate = share / (1.0f - (square < 0.95f ? square : 0.95f));
+        rate = rate < most ? rate : most;
+    }
+    return (int)(rate * (float)d);
+}
+
+// One sweep of hillslope diffusion with isotropic weights; outlets take and never give.
+__kernel void stream_power_diffuse(
+    __global const int *restrict height,
+    __global int *restrict result,
+    __global const uchar *restrict outlet,
+    __global long *received,
+    const float axial,
+    const float diagonal,
+    const float most,
+    const float axial_slope,
+    const float diagonal_slope,
+    const int rows,
+    const int cols)
+{
+#ifdef TERRAKIT_CPU
+    const int row = (int)get_global_id(0);
+    if (row >= rows) return;
+    for (int col = 0; col < cols; ++col) {
+#else
+    const int col = (int)get_global_id(0);
+    const int row = (int)get_global_id(1);
+    if (col >= cols || row >= rows) return;
+    {
+#endif
+        const int i = row * cols + col;
+        const int held = outlet[i];
+        const int here = height[i];
+        int sum = 0;
+        for (int dr = -1; dr <= 1; ++dr) {
+            for (int dc = -1; dc <= 1; ++dc) {
+                const int r = row + dr;
+                const int c = col + dc;
+                if ((dr == 0 && dc == 0) || r < 0 || r >= rows || c < 0 || c >= cols) continue;
+                const int j = r * cols + c;
+                const int d = here - height[j];
+                if ((held && d > 0) || (outlet[j] && d < 0)) continue;
+                const int slanted = dr != 0 && dc != 0;
+                sum += stream_power_creep(
+                    d, slanted ? diagonal : axial, slanted ? 0.25f * most : most,
+                    slanted ? diagonal_slope : axial_slope);
+            }
+        }
+        result[i] = held ? here : here - sum;
+        if (held && sum) received[i] -= sum;
+    }
+}
