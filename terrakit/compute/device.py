@@ -309,7 +309,7 @@ class _Opened:
     def build(self, path: Path, options: tuple[str, ...]) -> _Built:
         import pyopencl as cl
 
-        flags = ["-cl-std=CL1.2", *options]
+        flags = ["-cl-std=CL1.2", "-w", *options]
         if self.info.correctly_rounded:
             flags.append("-cl-fp32-correctly-rounded-divide-sqrt")
         if self.info.kind == "cpu":

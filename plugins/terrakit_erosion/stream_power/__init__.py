@@ -150,7 +150,7 @@ class StreamPower(Erosion):
         start = quanta.count(surface.elevation)
         strength = np.asarray(self.value("erodibility", surface), dtype=np.float64) * time_step
         x, y = surface.origin
-        spread = self.diffusivity * time_step / surface.spacing**2
+        spread = 0.5 * self.diffusivity * time_step / surface.spacing**2
         sweeps = math.ceil(spread / MOST_SHARE)
         share = spread / sweeps if sweeps else 0.0
         steepness = 0.0
@@ -243,6 +243,7 @@ class Plan:
     """Rise in a time step, of every cell or one."""
     exponents: tuple[float, float]
     sweeps: int
+    """Sweeps of creep in half a time step."""
     shares: tuple[float, float, float, float, float]
     method: str
     seed: tuple[int, int]

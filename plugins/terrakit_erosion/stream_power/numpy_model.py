@@ -22,11 +22,9 @@ class NumpyModel:
         self._routing: Routing[NDArray[np.int32]] | None = None
 
     def step(self) -> None:
-        """Creep, route, cut."""
+        """Creep for half the time, route and cut, creep for the other half."""
         plan = self._plan
-        for _ in range(plan.sweeps):
-            self._run.check()
-            self._height = reference.diffuse(self._height, plan.outlet, self._received, plan.shares)
+        self._creep()
         self._routing = self._route()
         constants = (plan.spacing**2, *plan.exponents, plan.spacing, plan.quanta.quantum)
         self._height = reference.incise(
@@ -38,6 +36,13 @@ class NumpyModel:
             plan.uplift if plan.uplift.ndim == 2 else plan.uplift[0],
             constants,
         )
+        self._creep()
+
+    def _creep(self) -> None:
+        plan = self._plan
+        for _ in range(plan.sweeps):
+            self._run.check()
+            self._height = reference.diffuse(self._height, plan.outlet, self._received, plan.shares)
 
     def height(self) -> NDArray[np.int32]:
         """Return the heights now, quanta."""

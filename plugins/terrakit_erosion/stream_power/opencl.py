@@ -22,6 +22,7 @@ class OpenCLModel:
         defines = {
             "POWER_UNIFORM": plan.erodibility.ndim == 1,
             "UPLIFT_UNIFORM": plan.uplift.ndim == 1,
+            "CREEP_NONLINEAR": plan.shares[3] > 0,
             "SLOPE_LINEAR": plan.exponents[1] == 1.0,
         }
         self._program = device.program(
@@ -31,6 +32,7 @@ class OpenCLModel:
         self._now = device.upload(plan.start)
         self._after = device.empty(shape, np.int32)
         self._outlet = device.upload(plan.outlet)
+        self._near_outlets = device.upload(_near(plan.outlet))
         self._erodibility = device.upload(plan.erodibility)
         self._uplift = device.upload(plan.uplift)
         self._incised = device.zeros(shape, np.int64)
@@ -38,19 +40,10 @@ class OpenCLModel:
         self._routing: Routing[DeviceArray] | None = None
 
     def step(self) -> None:
-        """Creep, route, cut."""
+        """Creep for half the time, route and cut, creep for the other half."""
         plan = self._plan
-        rows, cols = plan.start.shape
-        shares = tuple(np.float32(share) for share in plan.shares)
-        for _ in range(plan.sweeps):
-            self._program.launch(
-                "stream_power_diffuse",
-                (rows,) if self._device.is_cpu else (rows, cols),
-                *(self._now, self._after, self._outlet, self._received, *shares),
-                *(np.int32(rows), np.int32(cols)),
-                local=(4,) if self._device.is_cpu else None,
-            )
-            self._now, self._after = self._after, self._now
+        self._creep()
+        cols = plan.start.shape[1]
         self._routing = self._route()
         sweep_up(
             self._routing,
@@ -62,7 +55,30 @@ class OpenCLModel:
             *(np.float32(plan.quanta.quantum), np.int32(cols)),
         )
         self._now, self._after = self._after, self._now
+        self._creep()
         self._device.finish()
+
+    def _creep(self) -> None:
+        plan = self._plan
+        rows, cols = plan.start.shape
+        shares = tuple(np.float32(share) for share in plan.shares)
+        for _ in range(plan.sweeps):
+            arguments = (
+                *(self._now, self._after, self._outlet, self._received, *shares),
+                *(np.int32(rows), np.int32(cols)),
+            )
+            self._program.launch(
+                "stream_power_diffuse",
+                (rows,) if self._device.is_cpu else (rows, cols),
+                *arguments,
+                local=(4,) if self._device.is_cpu else None,
+            )
+            self._program.launch(
+                "stream_power_mend",
+                self._near_outlets.size,
+                *(*arguments, self._near_outlets, np.int32(self._near_outlets.size)),
+            )
+            self._now, self._after = self._after, self._now
 
     def height(self) -> NDArray[np.int32]:
         """Return the heights now, quanta."""
@@ -95,3 +111,14 @@ class OpenCLModel:
             origin=plan.world_cell,
             device=self._device,
         )
+
+
+def _near(outlet: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Return the cells inside the border that are an outlet or have one as neighbour."""
+    rows, cols = outlet.shape
+    near = np.zeros(outlet.shape, dtype=bool)
+    inside = near[1:-1, 1:-1]
+    for row in range(3):
+        for col in range(3):
+            inside |= outlet[row : rows - 2 + row, col : cols - 2 + col] != 0
+    return np.flatnonzero(near).astype(np.int32)

@@ -1,6 +1,7 @@
 // Stream power with hillslope diffusion, in integer heights. Twin of reference.py.
 //
 // POWER_UNIFORM: erodibility is one number. UPLIFT_UNIFORM: uplift is one number.
+// CREEP_NONLINEAR: creep grows towards a critical slope.
 // SLOPE_LINEAR: the slope exponent is 1, so that each cell is solved without iteration.
 
 #define NEWTON_STEPS 12
@@ -85,26 +86,55 @@ __kernel void stream_power_incise(
     }
 }
 
-// Flux to a neighbour by creep; nonlinear where a critical slope is given (Roering 1999).
-// Its growth towards the critical slope is capped so that the step stays stable.
+// Flux to a neighbour by creep; with CREEP_NONLINEAR it grows towards the critical slope
+// (Roering 1999), capped so that the step stays stable.
 inline int stream_power_creep(int d, float share, float most, float slope_of_quantum)
 {
-    float rate = share;
-    if (slope_of_quantum > 0.0f) {
-        const float s = (float)d * slope_of_quantum;
-        const float square = s * s;
-        rate = share / (1.0f - (square < 0.95f ? square : 0.95f));
-        rate = rate < most ? rate : most;
-    }
-    return (int)(rate * (float)d);
+#ifdef CREEP_NONLINEAR
+    const float s = (float)d * slope_of_quantum;
+    const float square = s * s;
+    const float grown = share / (1.0f - (square < 0.95f ? square : 0.95f));
+    return (int)((grown < most ? grown : most) * (float)d);
+#else
+    return (int)(share * (float)d);
+#endif
 }
 
-// One sweep of hillslope diffusion with isotropic weights; outlets take and never give.
+// The sum of what creeps out of any cell; outlets take and never give.
+inline int stream_power_creeping(
+    __global const int *restrict height, __global const uchar *restrict outlet, int row, int col,
+    int rows, int cols, float axial, float diagonal, float most, float axial_slope,
+    float diagonal_slope)
+{
+    const int i = row * cols + col;
+    int sum = 0;
+    for (int dr = -1; dr <= 1; ++dr) {
+        for (int dc = -1; dc <= 1; ++dc) {
+            const int r = row + dr;
+            const int c = col + dc;
+            if ((dr == 0 && dc == 0) || r < 0 || r >= rows || c < 0 || c >= cols) continue;
+            const int j = r * cols + c;
+            const int d = height[i] - height[j];
+            if (outlet[d > 0 ? i : j]) continue;
+            sum += (dr != 0 && dc != 0)
+                ? stream_power_creep(d, diagonal, 0.25f * most, diagonal_slope)
+                : stream_power_creep(d, axial, most, axial_slope);
+        }
+    }
+    return sum;
+}
+
+#define AXIAL(j) stream_power_creep(height[i] - height[j], axial, most, axial_slope)
+#define DIAGONAL(j) \
+    stream_power_creep(height[i] - height[j], diagonal, 0.25f * most, diagonal_slope)
+
+// One sweep of hillslope diffusion with isotropic weights, as if there were no outlets inside the
+// map: stream_power_mend follows it.
 __kernel void stream_power_diffuse(
     __global const int *restrict height,
     __global int *restrict result,
     __global const uchar *restrict outlet,
-    __global long *received,
+    __global long *restrict received,
     const float axial,
     const float diagonal,
     const float most,
@@ -116,7 +146,17 @@ __kernel void stream_power_diffuse(
 #ifdef TERRAKIT_CPU
     const int row = (int)get_global_id(0);
     if (row >= rows) return;
-    for (int col = 0; col < cols; ++col) {
+    const int inside = row > 0 && row < rows - 1;
+    if (inside) {
+        _Pragma("clang loop vectorize(assume_safety)")
+        for (int i = row * cols + 1; i < row * cols + cols - 1; ++i) {
+            int sum = DIAGONAL(i - cols - 1) + AXIAL(i - cols) + DIAGONAL(i - cols + 1);
+            sum += AXIAL(i - 1) + AXIAL(i + 1);
+            sum += DIAGONAL(i + cols - 1) + AXIAL(i + cols) + DIAGONAL(i + cols + 1);
+            result[i] = height[i] - sum;
+        }
+    }
+    for (int col = 0; col < cols; col += inside && cols > 1 ? cols - 1 : 1) {
 #else
     const int col = (int)get_global_id(0);
     const int row = (int)get_global_id(1);
@@ -124,24 +164,37 @@ __kernel void stream_power_diffuse(
     {
 #endif
         const int i = row * cols + col;
-        const int held = outlet[i];
-        const int here = height[i];
-        int sum = 0;
-        for (int dr = -1; dr <= 1; ++dr) {
-            for (int dc = -1; dc <= 1; ++dc) {
-                const int r = row + dr;
-                const int c = col + dc;
-                if ((dr == 0 && dc == 0) || r < 0 || r >= rows || c < 0 || c >= cols) continue;
-                const int j = r * cols + c;
-                const int d = here - height[j];
-                if ((held && d > 0) || (outlet[j] && d < 0)) continue;
-                const int slanted = dr != 0 && dc != 0;
-                sum += stream_power_creep(
-                    d, slanted ? diagonal : axial, slanted ? 0.25f * most : most,
-                    slanted ? diagonal_slope : axial_slope);
-            }
-        }
-        result[i] = held ? here : here - sum;
-        if (held && sum) received[i] -= sum;
+        const int sum = stream_power_creeping(
+            height, outlet, row, col, rows, cols, axial, diagonal, most, axial_slope,
+            diagonal_slope);
+        result[i] = outlet[i] ? height[i] : height[i] - sum;
+        const int border = row == 0 || row == rows - 1 || col == 0 || col == cols - 1;
+        if (border && outlet[i] && sum) received[i] -= sum;
     }
+}
+
+// The same for the cells in a list: outlets inside the map (the sea) and their neighbours.
+__kernel void stream_power_mend(
+    __global const int *restrict height,
+    __global int *restrict result,
+    __global const uchar *restrict outlet,
+    __global long *restrict received,
+    const float axial,
+    const float diagonal,
+    const float most,
+    const float axial_slope,
+    const float diagonal_slope,
+    const int rows,
+    const int cols,
+    __global const int *restrict list,
+    const int count)
+{
+    const int k = (int)get_global_id(0);
+    if (k >= count) return;
+    const int i = list[k];
+    const int sum = stream_power_creeping(
+        height, outlet, i / cols, i % cols, rows, cols, axial, diagonal, most, axial_slope,
+        diagonal_slope);
+    result[i] = outlet[i] ? height[i] : height[i] - sum;
+    if (outlet[i] && sum) received[i] -= sum;
 }
