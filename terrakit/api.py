@@ -197,10 +197,13 @@ def importer_of(path: Path) -> type[Importer]:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
     if not head:
         raise InputError(f"{path.name}: is empty")
-    importers = [o for o in default_registry().operators("importer") if issubclass(o, Importer)]
-    for kind in importers:
-        if kind.recognises(path, head):
-            return kind
+    importers: list[type[Importer]] = []
+    for built_in in (True, False):  # a broken plugin cannot harm what needs none
+        known_now = default_registry().operators("importer", built_in)
+        importers = [kind for kind in known_now if issubclass(kind, Importer)]
+        for kind in importers:
+            if kind.recognises(path, head):
+                return kind
     known = ", ".join(sorted({s for kind in importers for s in kind.suffixes}))
     raise InputError(f"{path.name}: of no known format (read: {known}){_guess(head)}")
 
@@ -208,13 +211,14 @@ def importer_of(path: Path) -> type[Importer]:
 def exporter_for(path: Path) -> str:
     """Return the name of the exporter that writes files with this extension."""
     suffix = path.suffix.lower()
-    exporters = default_registry().operators("exporter")
-    for kind in exporters:
-        if suffix in (getattr(kind, "suffix", ""), *getattr(kind, "suffixes", ())):
-            return kind.name
-    known = sorted(
-        {s for k in exporters for s in (getattr(k, "suffix", ""), *getattr(k, "suffixes", ()))}
-    )
+    written: dict[str, str] = {}
+    for built_in in (True, False):  # a broken plugin cannot harm what needs none
+        for kind in default_registry().operators("exporter", built_in):
+            for extension in (getattr(kind, "suffix", ""), *getattr(kind, "suffixes", ())):
+                written.setdefault(extension, kind.name)
+        if suffix and suffix in written:
+            return written[suffix]
+    known = sorted(written)
     shown = suffix or "no extension"
     raise ParameterError(f"{path.name}: {shown}: no exporter writes it (known: {', '.join(known)})")
 

@@ -14,6 +14,7 @@ import re
 import shutil
 import stat
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +22,8 @@ from pathlib import Path
 from terrakit.errors import OutputError
 
 LONGEST_NAME = 255
+_unfinished: set[Path] = set()
+"""Temporary files and folders that exist now, for whoever must end the process at once."""
 
 
 @contextmanager
@@ -38,7 +41,9 @@ def atomic_path(target: Path) -> Iterator[Path]:
     for stale in _stale(target):
         with contextlib.suppress(OSError):
             stale.unlink()
-    temporary = target.with_name(f".{target.stem[:80]}.{os.getpid()}.terrakit{target.suffix}")
+    mark = f"{threading.get_native_id()}.{os.getpid()}.terrakit"
+    temporary = target.with_name(f".{target.stem[:80]}.{mark}{target.suffix}")
+    _unfinished.add(temporary)
     try:
         yield temporary
         with open(temporary, "rb+") as stream:
@@ -53,6 +58,17 @@ def atomic_path(target: Path) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink()
+        _unfinished.discard(temporary)
+
+
+def discard_unfinished() -> None:
+    """Remove every temporary file of this process: the last act before it ends at once."""
+    for path in tuple(_unfinished):
+        with contextlib.suppress(OSError):
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink()
 
 
 def write_bytes(target: Path, content: bytes | memoryview) -> Path:
@@ -83,8 +99,10 @@ def staged_folder(target: Path) -> Iterator[Path]:
         )
     except OSError as error:
         raise explain_os_error(error, folder) from error
+    _unfinished.add(stage)
     try:
         yield stage
+        moves = []
         for path in sorted(p for p in stage.rglob("*") if p.is_file()):
             final = folder / path.relative_to(stage)
             make_folder(final.parent)
@@ -93,6 +111,8 @@ def staged_folder(target: Path) -> Iterator[Path]:
             final = writable_target(final)
             with contextlib.suppress(FileNotFoundError):
                 os.chmod(path, stat.S_IMODE(final.stat().st_mode))
+            moves.append((path, final))
+        for path, final in moves:  # all of it is on the disk: from here on it goes fast
             os.replace(path, final)
     except OSError as error:
         if isinstance(error, OutputError):
@@ -100,6 +120,7 @@ def staged_folder(target: Path) -> Iterator[Path]:
         raise explain_os_error(error, folder) from error
     finally:
         shutil.rmtree(stage, ignore_errors=True)
+        _unfinished.discard(stage)
 
 
 def make_folder(folder: Path) -> Path:

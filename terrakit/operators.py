@@ -66,6 +66,8 @@ class Operator(BaseModel):
     """Settings under which turning the terrain turns the result; None where none do."""
     presets: ClassVar[dict[str, dict[str, Any]]] = {}
     """Named parameter sets."""
+    trial: ClassVar[dict[str, Any]] = {}
+    """Settings for the contract tests, where the defaults take long on a small terrain."""
 
     def __init__(self, /, **settings: Any) -> None:
         try:
@@ -154,6 +156,9 @@ class Erosion(Operator):
     kind: ClassVar[str] = "erosion"
     reads: ClassVar[tuple[str, ...]] = ("elevation",)
     writes: ClassVar[tuple[str, ...]] = ("elevation",)
+
+    refinement_tolerance: ClassVar[float | None] = 0.35
+    """How much of the change may differ when the samples are doubled; None where all of it may."""
 
     @abstractmethod
     def erode(self, surface: Any, run: Run) -> Any:

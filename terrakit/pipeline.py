@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import platform
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -72,14 +73,65 @@ def run_recipe(
         Before anything is computed where the problem can be known by then.
     """
     registry = registry or default_registry()
-    steps = [s for s in recipe.steps if out is not None or not isinstance(s.operator, Exporter)]
-    grid = recipe.grid
+    check_recipe(recipe, out, max_cells)
+    with _fresh_folder(out):
+        return _run_steps(recipe, run, out, cache, registry, on_step)
+
+
+def check_recipe(
+    recipe: Recipe, out: Path | None = None, max_cells: int = DEFAULT_MAX_CELLS
+) -> None:
+    """Raise what can be known before the first step: samples, memory, disk, output places.
+
+    Parameters
+    ----------
+    recipe
+        The recipe.
+    out
+        Folder for the files; without it exporters are left out.
+    max_cells
+        Most samples that a generator may be asked for.
+    """
+    steps, grid = _steps(recipe, out), recipe.grid
     if isinstance(steps[0].operator, Generator):
         assert grid is not None
         check_cells(grid, max_cells)
         check_run(recipe, steps, grid, out)
-    elif out is not None:
+        return
+    if isinstance(steps[0].operator, Importer) and not source_path(recipe, steps[0]).is_file():
+        path = source_path(recipe, steps[0])
+        problem = "is not a regular file" if path.exists() else "no such file"
+        raise InputError(f"{recipe.name}: step 1 '{steps[0].name}': {path}: {problem}")
+    if out is not None:
         _check_outputs(recipe, steps, out)
+
+
+def _steps(recipe: Recipe, out: Path | None) -> list[Step]:
+    return [s for s in recipe.steps if out is not None or not isinstance(s.operator, Exporter)]
+
+
+@contextlib.contextmanager
+def _fresh_folder(out: Path | None) -> Iterator[None]:
+    """Remove the folder again, if it is new and empty, where the run fails."""
+    absent = [p for p in (out, *out.absolute().parents) if not p.exists()] if out else []
+    try:
+        yield
+    except BaseException:
+        for folder in absent:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
+
+
+def _run_steps(
+    recipe: Recipe,
+    run: Run,
+    out: Path | None,
+    cache: ResultCache | None,
+    registry: Registry,
+    on_step: Callable[[Step, dict[str, Any]], None] | None,
+) -> Result:
+    steps, grid = _steps(recipe, out), recipe.grid
     registry.hook.terrakit_run_started(run=run, steps=[step.name for step in steps])
     surface: Surface | None = None
     key = ""
@@ -94,7 +146,9 @@ def run_recipe(
             if isinstance(step.operator, Exporter):
                 assert surface is not None
                 assert out is not None
-                written = execute(step.operator, (surface, _target(recipe, step, out)), step_run)
+                target = _target(recipe, step, out)
+                atomic.make_folder(target.parent)
+                written = execute(step.operator, (surface, target), step_run)
                 files += written
                 entry["files"] = [path.name for path in written]
             else:
@@ -110,9 +164,8 @@ def run_recipe(
                     if cache is not None and not run.is_finishing:
                         cache.store(key, surface, entry["ledger"])
         except (ParameterError, InputError) as error:
-            message = str(error)
-            shown = message if step.name in message.split(":")[0] else f"{where}: {message}"
-            raise type(error)(shown) from error
+            message = str(error).removeprefix(f"{step.use}: ")
+            raise type(error)(f"{where}: {message}") from error
         entry["seconds"] = round(time.perf_counter() - started, 3)
         entry["cites"] = list(step.operator.cites)
         entries.append(entry)
@@ -169,12 +222,7 @@ def _check_outputs(recipe: Recipe, steps: list[Step], out: Path) -> None:
 def _check_disk(steps: list[Step], grid: Grid, out: Path) -> None:
     import shutil
 
-    samples = grid.shape[0] * grid.shape[1]
-    needed = sum(
-        step.operator.bytes_a_sample * samples
-        for step in steps
-        if isinstance(step.operator, Exporter)
-    )
+    needed = disk_needed(steps, grid.shape[0] * grid.shape[1])
     existing = next(p for p in (out, *out.absolute().parents) if p.exists())
     free = shutil.disk_usage(existing).free
     if needed > free:
@@ -182,6 +230,15 @@ def _check_disk(steps: list[Step], grid: Grid, out: Path) -> None:
             f"{out}: no space left: needs about {needed / 1e6:.0f} MB, {free / 1e6:.0f} MB are "
             "free; choose another place with --out"
         )
+
+
+def disk_needed(steps: Iterable[Step], samples: int) -> float:
+    """Return about how many bytes the exporters among ``steps`` write for this many samples."""
+    return sum(
+        step.operator.bytes_a_sample * samples
+        for step in steps
+        if isinstance(step.operator, Exporter)
+    )
 
 
 def _target(recipe: Recipe, step: Step, out: Path) -> Path:

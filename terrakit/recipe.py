@@ -124,6 +124,15 @@ def shipped() -> list[str]:
     return sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml"))
 
 
+def shipped_titles() -> dict[str, str]:
+    """Return the title of every recipe that comes with terrakit, by name."""
+    folder = resources.files("terrakit") / "recipes"
+    return {
+        name: str(tomllib.loads((folder / f"{name}.toml").read_text("utf-8")).get("title", ""))
+        for name in shipped()
+    }
+
+
 def load_recipe(
     source: str | os.PathLike[str] | Mapping[str, Any],
     settings: Mapping[str, Any] | None = None,
@@ -157,11 +166,19 @@ def load_recipe(
         text, name, folder, shown = _read(path), path.stem, path.resolve().parent, path.name
     try:
         document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # tomllib's own, or a number of more than 4300 digits
         raise RecipeError(f"{shown}: {error}; a recipe is TOML") from None
     except RecursionError:
         raise RecipeError(f"{shown}: nested too deeply") from None
     return _parse(document, name, shown, folder, settings or {}, registry, False)
+
+
+def header_of(settings: dict[str, Any], where: str) -> Header:
+    """Return the header with these keys; ``where`` begins the message of an error."""
+    try:
+        return Header.model_validate(settings)
+    except ValidationError as error:
+        raise RecipeError(explain(error, Header, where)) from None
 
 
 def grid_of(header: Header) -> Grid | None:
@@ -284,10 +301,7 @@ def _parse(
         raise RecipeError(f"{shown}: made for recipe format {version}, this is {FORMAT}; update")
     names = _step_names(tables, shown)
     given = _apply(settings, document, tables, names, shown)
-    try:
-        header = Header.model_validate(document)
-    except ValidationError as error:
-        raise RecipeError(explain(error, Header, shown)) from None
+    header = header_of(document, shown)
     try:
         seed_words(header.seed)
         grid = grid_of(header)
@@ -419,6 +433,8 @@ __all__ = [
     "Step",
     "check_cells",
     "grid_of",
+    "header_of",
     "load_recipe",
     "shipped",
+    "shipped_titles",
 ]

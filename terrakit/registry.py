@@ -94,12 +94,21 @@ class Registry:
         self._load(lambda plugin: True)
         return sorted(self._loaded, key=lambda p: (not p.is_built_in, p.distribution, p.name))
 
-    def operators(self, kind: str | None = None) -> list[type[Operator]]:
-        """Load every plugin and return the operators, sorted by kind and name."""
+    def operators(self, kind: str | None = None, built_in: bool = False) -> list[type[Operator]]:
+        """Return the operators, sorted by kind and name.
+
+        Parameters
+        ----------
+        kind
+            Only these; all of them by default.
+        built_in
+            Whether to leave third parties alone, which are loaded otherwise.
+        """
         return sorted(
             (
                 operator
-                for plugin in self.plugins()
+                for plugin in (self._loaded if built_in else self.plugins())
+                if plugin.is_built_in or not built_in
                 for operator in plugin.operators
                 if kind is None or operator.kind == kind
             ),

@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 import os
+import shutil
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -80,6 +81,11 @@ class ResultCache:
             atomic.make_folder(self.folder)
             atomic.write_bytes(self._path(key), content)
             self._trim()
+
+    def clear(self) -> Path:
+        """Delete every kept result and return the emptied folder."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+        return self.folder
 
     def _path(self, key: str) -> Path:
         return self.folder / f"{key}.npz"

@@ -12,11 +12,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from terrakit.color import srgb_from_linear
+
 Picture = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
 FLAT = 0.62
 """Shade of level ground, between deepest shadow 0 and full light 1."""
+
+STEPS = 4096
+"""Heights that tints tell apart: far more than eight bits can show."""
 
 UNDER_WATER = 0.5
 """Contrast of relief below the sea, of 1."""
@@ -26,9 +31,9 @@ _LAND = (
     (0.14, "a3b58f"),
     (0.32, "d0cb9e"),
     (0.52, "dcc193"),
-    (0.70, "c9a684"),
-    (0.86, "d9c9bb"),
-    (1.00, "f7f4f0"),
+    (0.72, "c49e7c"),
+    (0.89, "cdb9a8"),
+    (1.00, "f4f1ee"),
 )
 _SEA = ((0.00, "b4d3d6"), (0.25, "86b5c6"), (0.60, "5389a8"), (1.00, "2c5a80"))
 _SHADOW = (0.135, 0.155, 0.245)
@@ -82,15 +87,15 @@ def hypsometric(elevation: NDArray[np.floating], sea_level: float | None = 0.0) 
     """
     height = np.asarray(elevation, dtype=np.float32)
     water = np.zeros(height.shape, bool) if sea_level is None else height < sea_level
-    land = height[~water]
+    if water.all():
+        return _sea_colours(height, float(sea_level or 0.0))
+    land = height if not water.any() else height[~water]
+    tints = _land_colours(land, float(sea_level or 0.0) if water.any() else None)
+    if not water.any():
+        return tints
     colours = np.empty((*height.shape, 3), np.float32)
-    if land.size:
-        place = _place_on_scale(land, float(sea_level) if water.any() and sea_level else None)
-        colours[~water] = _ramp(_LAND, place)
-    if water.any():
-        depth = np.float32(sea_level or 0.0) - height[water]
-        deepest = max(float(depth.max()), 1e-6)
-        colours[water] = _ramp(_SEA, np.sqrt(depth / np.float32(deepest)))
+    colours[~water] = tints
+    colours[water] = _sea_colours(height[water], float(sea_level or 0.0))
     return colours
 
 
@@ -132,30 +137,19 @@ def relief_image(
     dark = np.clip(-light / np.float32(FLAT), 0.0, 1.0)[..., None]
     bright = np.clip(light / np.float32(1.0 - FLAT), 0.0, 1.0)[..., None]
     # Shadows are cool and keep some of the ground's colour; lit slopes lean to warm white.
-    shadow = base * np.float32(0.18) + np.array(_SHADOW, np.float32) * np.float32(0.34)
+    shadow = base * np.float32(0.12) + np.array(_SHADOW, np.float32) * np.float32(0.3)
     depth = dark * (np.float32(1.5) - np.float32(0.5) * dark) * np.float32(0.88)
     picture = base + (shadow - base) * depth
     gloss = np.where(contrast < UNDER_WATER * 1.01, np.float32(0.12), np.float32(0.5))[..., None]
-    picture += (np.array(_LIGHT, np.float32) - picture) * bright * gloss
-    return srgb_bytes(picture)
+    picture += (np.array(_LIGHT, np.float32) - picture) * bright * bright * gloss
+    return srgb_from_linear(picture)
 
 
 def suggested_exaggeration(elevation: NDArray[np.floating], spacing: float) -> float:
     """Return the factor that gives a terrain's steeper slopes a good contrast, 0.5 to 20."""
     slope = np.hypot(*_gradient(np.asarray(elevation, dtype=np.float32), spacing))
     steep = float(np.quantile(slope, 0.9)) if slope.size else 0.0
-    return min(max(0.75 / max(steep, 1e-6), 0.5), 20.0) if steep > 1e-6 else 1.0
-
-
-def srgb_bytes(linear: NDArray[np.floating]) -> Picture:
-    """Return linear light, 0 to 1, as 8-bit sRGB (IEC 61966-2-1), rounded to nearest."""
-    steps = np.arange(4097, dtype=np.float64) / 4096.0
-    # A table over the square root is fine enough everywhere: its steps are 1/16 of a level.
-    value = steps * steps
-    encoded = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
-    table = np.floor(encoded * 255.0 + 0.5).astype(np.uint8)
-    root = np.sqrt(np.clip(linear, 0.0, 1.0).astype(np.float32))
-    return table[np.floor(root * np.float32(4096.0) + np.float32(0.5)).astype(np.int16)]
+    return min(max(1.0 / max(steep, 1e-6), 0.5), 20.0) if steep > 1e-6 else 1.0
 
 
 def blurred(values: NDArray[np.floating], radius: int) -> Floats:
@@ -197,7 +191,7 @@ def _openness(height: Floats, spacing: float) -> Floats:
             continue
         difference = (height - blurred(height, radius)) / np.float32(radius * spacing * 0.25)
         total += np.float32(share) * difference / np.sqrt(np.float32(1.0) + difference**2)
-    return total
+    return total.astype(np.float32)
 
 
 def _aerial_contrast(height: Floats, sea_level: float | None) -> Floats:
@@ -206,10 +200,10 @@ def _aerial_contrast(height: Floats, sea_level: float | None) -> Floats:
     if sea_level is not None and low < sea_level < high:
         low = sea_level
     rise = (blurred(height, 3) - np.float32(low)) / np.float32(max(high - low, 1e-6))
-    contrast = np.float32(0.82) + np.float32(0.28) * np.clip(rise, 0.0, 1.0)
+    contrast: Floats = np.float32(0.88) + np.float32(0.27) * np.clip(rise, 0.0, 1.0)
     if sea_level is not None:
-        contrast = np.where(height < sea_level, np.float32(UNDER_WATER), contrast)
-    return contrast.astype(np.float32)
+        contrast[height < sea_level] = UNDER_WATER
+    return contrast
 
 
 def _gradient(height: Floats, spacing: float) -> tuple[Floats, Floats]:
@@ -222,20 +216,29 @@ def _gradient(height: Floats, spacing: float) -> tuple[Floats, Floats]:
     return east, south
 
 
-def _place_on_scale(land: Floats, shore: float | None) -> Floats:
-    """Return where each height stands, 0 to 1: half by height, half by rank."""
+def _land_colours(land: Floats, shore: float | None) -> Floats:
     low, high = (float(v) for v in np.quantile(land, (0.002, 0.998)))
     low = shore if shore is not None else low
     if high - low <= 1e-6:
-        return np.full(land.shape, 0.35, np.float32)
-    by_height = np.clip((land - np.float32(low)) / np.float32(high - low), 0.0, 1.0)
-    counts, edges = np.histogram(by_height, bins=256, range=(0.0, 1.0))
-    rank = np.concatenate(([0.0], np.cumsum(counts) / land.size))
-    by_rank = np.interp(by_height, edges, rank)
-    return (0.6 * by_height + 0.4 * by_rank).astype(np.float32)
+        return np.broadcast_to(_ramp(_LAND, np.full(1, 0.35)), (*land.shape, 3)).copy()
+    place = np.clip((land - np.float32(low)) / np.float32(high - low), 0.0, 1.0)
+    index = (place * np.float32(STEPS - 1) + np.float32(0.5)).astype(np.uint16)
+    by_height = np.linspace(0.0, 1.0, STEPS)
+    rank = np.cumsum(np.bincount(index.ravel(), minlength=STEPS)) / land.size
+    scale = 0.6 * by_height + 0.4 * blurred(np.stack((rank, rank)), STEPS // 64)[0]
+    tints: Floats = np.take(_ramp(_LAND, scale), index, axis=0)
+    return tints
 
 
-def _ramp(stops: tuple[tuple[float, str], ...], place: Floats) -> Floats:
+def _sea_colours(height: Floats, sea_level: float) -> Floats:
+    depth = np.float32(sea_level) - height
+    share = np.sqrt(depth / np.float32(max(float(depth.max()), 1e-6)))
+    index = (share * np.float32(STEPS - 1) + np.float32(0.5)).astype(np.uint16)
+    blues: Floats = np.take(_ramp(_SEA, np.linspace(0.0, 1.0, STEPS)), index, axis=0)
+    return blues
+
+
+def _ramp(stops: tuple[tuple[float, str], ...], place: NDArray[np.float64]) -> Floats:
     """Return linear colours at ``place`` on a scale without kinks, so that no band shows."""
     at = [position for position, _ in stops]
     fine = np.linspace(0.0, 1.0, 513)

@@ -114,15 +114,19 @@ class Device:
 
     def upload(self, values: NDArray[Any]) -> DeviceArray:
         """Return a copy of a host array on the device."""
-        import pyopencl as cl
-
         values = np.ascontiguousarray(values)
         array = self.empty(values.shape, values.dtype)
+        self.write(array, values)
+        return array
+
+    def write(self, array: DeviceArray, values: NDArray[Any]) -> None:
+        """Copy a C-contiguous host array of the same shape and type into ``array``."""
+        import pyopencl as cl
+
         if array.size:
             opened = self._checked()
             with opened.lock:
                 cl.enqueue_copy(opened.queue, array.buffer, values, is_blocking=True)
-        return array
 
     def download(self, array: DeviceArray) -> NDArray[Any]:
         """Return a copy of a device array on the host."""

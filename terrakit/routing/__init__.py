@@ -34,12 +34,14 @@ from terrakit.routing.paths import ArrayT, Paths, Routing
 __all__ = [
     "Paths",
     "Routing",
+    "accumulate",
     "filled",
     "flow_length",
     "longest_length",
     "outlets",
     "route",
     "strahler_order",
+    "sweep_down",
     "sweep_up",
 ]
 
@@ -126,6 +128,28 @@ def route(
     return Routing(receiver.reshape(shape), area.reshape(shape), paths)
 
 
+def accumulate(routing: Routing[ArrayT], weight: ArrayT) -> ArrayT:
+    """Return the sum of a weight, int32 or float32, over the cells that drain through each cell.
+
+    With rain on each cell it is the discharge. Donors are added in the order of their numbers, so
+    that floating point gives the same on every device. Integers must not overflow.
+    """
+    receiver = routing.receiver
+    if weight.dtype not in (np.int32, np.float32) or weight.shape != receiver.shape:
+        raise ParameterError(
+            f"weight: needs int32 or float32 {tuple(receiver.shape)}, "
+            f"got {weight.dtype} {tuple(weight.shape)}"
+        )
+    if isinstance(receiver, DeviceArray):
+        total = receiver.device.empty(receiver.shape, weight.dtype)
+        kernel = "routing_sum_int" if weight.dtype == np.int32 else "routing_sum_float"
+        rows, cols = receiver.shape
+        arguments = (weight, total, np.int32(rows), np.int32(cols))
+        sweep_down(routing, opencl.program(receiver.device), kernel, *arguments)
+        return total
+    return reference.accumulate(receiver.ravel(), weight).reshape(receiver.shape)
+
+
 def filled(routing: Routing[ArrayT], height: ArrayT) -> ArrayT:
     """Return the level to which water rises before it finds a way out, int32 (rows, cols).
 
@@ -190,6 +214,20 @@ def sweep_up(
     of a serial sweep, bit for bit.
     """
     opencl.sweep_up(routing, program, kernel, *arguments)
+
+
+def sweep_down(
+    routing: Routing[DeviceArray],
+    program: Program,
+    kernel: str,
+    *arguments: DeviceArray | np.generic,
+) -> None:
+    """Launch a kernel over the paths of a routing, level by level from the sources down.
+
+    The kernel begins as for :func:`sweep_up`; a work-item walks from the source of its path down to
+    the head, and finds the donors from the side done. See ``routing_sum_float``.
+    """
+    opencl.sweep_down(routing, program, kernel, *arguments)
 
 
 def _check(

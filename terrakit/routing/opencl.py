@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from terrakit.compute import Device, DeviceArray, Program
-from terrakit.errors import ParameterError
+from terrakit.errors import KernelError, ParameterError
 from terrakit.routing.paths import Paths, Routing
 from terrakit.routing.reference import NO_OUTLET
 
@@ -24,6 +24,14 @@ _UINT = np.uint32
 def program(device: Device, method: str = "d8") -> Program:
     """Return the routing kernels."""
     return device.program(__file__, "routing.cl", {"RHO8": int(method == "rho8")})
+
+
+# One work-group size each, whatever the length: PoCL compiles a kernel anew for each size
+_PATHS_A_GROUP = (64,)
+
+
+def _group(device: Device) -> tuple[int]:
+    return (8,) if device.is_cpu else (64,)
 
 
 class Kernels:
@@ -44,7 +52,7 @@ class Kernels:
             (self.rows, -(-self.cols // self.run)),
             *arguments,
             *(_INT(self.rows), _INT(self.cols), _INT(self.run)),
-            local=(8, 1) if self.device.is_cpu else None,
+            local=(*_group(self.device), 1) if self.device.is_cpu else None,
         )
 
     def over_list(self, name: str, size: int, *arguments: DeviceArray | np.generic) -> None:
@@ -54,7 +62,7 @@ class Kernels:
             -(-size // self.run),
             *arguments,
             *(_INT(size), _INT(self.run)),
-            local=(8,) if self.device.is_cpu else None,
+            local=_group(self.device),
         )
 
     def integers(self) -> DeviceArray:
@@ -115,7 +123,10 @@ def drain_depressions(
             edges = edges.contract(kernels, joined)
 
     kernels.program.launch(
-        "routing_carve", basins, link, spill, receiver, _INT(basins), _INT(kernels.cols)
+        "routing_carve",
+        basins,
+        *(link, spill, receiver, _INT(basins), _INT(kernels.cols)),
+        local=_PATHS_A_GROUP,
     )
 
 
@@ -124,12 +135,13 @@ def follow(kernels: Kernels, link: DeviceArray, size: int) -> DeviceArray:
     device = kernels.device
     further = device.empty(link.shape, _INT)
     unfinished = device.empty(1, _INT)
-    while True:
+    for _ in range(size.bit_length() + 1):  # each launch makes the links at least twice as long
         device.fill(unfinished, 0)
         kernels.over_list("routing_follow", size, link, further, unfinished)
         link, further = further, link
         if not _read(unfinished):
             return link
+    raise KernelError(f"routing.cl on {device.name}: chains of links run in a circle")
 
 
 class Edges:
@@ -233,25 +245,16 @@ def cut_into_paths(
 
     # Sort the heads by level: count, sum up, list
     blocks = -(-kernels.cells // BLOCK)
-    counts = device.empty((LEVELS, blocks), _INT)
+    tree = (receiver, main_donor, area)
     sizes = (_INT(kernels.cells), _INT(blocks), _INT(BLOCK))
-    kernels.program.launch(
-        "routing_count_heads", blocks, receiver, main_donor, area, counts, *sizes
-    )
+    counts = device.empty((LEVELS, blocks), _INT)
+    launch, local = kernels.program.launch, _group(device)
+    launch("routing_count_heads", blocks, *tree, counts, *sizes, local=local)
     counted = counts.download()
     ends = np.cumsum(counted.ravel(), dtype=_INT)
     starts = (ends - counted.ravel()).reshape(counted.shape)
     heads = device.empty(int(ends[-1]), _INT)
-    kernels.program.launch(
-        "routing_list_heads",
-        blocks,
-        receiver,
-        main_donor,
-        area,
-        device.upload(starts),
-        heads,
-        *sizes,
-    )
+    launch("routing_list_heads", blocks, *tree, device.upload(starts), heads, *sizes, local=local)
     used = np.flatnonzero(counted.any(axis=1))
     levels = starts[used[0] : used[-1] + 1, 0]
     return Paths(main_donor, heads, (*levels.tolist(), heads.size))
@@ -263,12 +266,30 @@ def sweep_up(
     kernel: str,
     *arguments: DeviceArray | np.generic,
 ) -> None:
-    """Launch a kernel over the paths, level by level."""
+    """Launch a kernel over the paths, level by level from the outlets up."""
+    for start, end in pairwise(routing.paths.offsets):
+        _over_level(routing, program, kernel, start, end - start, arguments)
+
+
+def sweep_down(
+    routing: Routing[DeviceArray],
+    program: Program,
+    kernel: str,
+    *arguments: DeviceArray | np.generic,
+) -> None:
+    """Launch a kernel over the paths, level by level from the sources down."""
+    for end, start in pairwise(reversed(routing.paths.offsets)):
+        _over_level(routing, program, kernel, start, end - start, arguments)
+
+
+def _over_level(
+    routing: Routing[DeviceArray],
+    program: Program,
+    kernel: str,
+    start: int,
+    count: int,
+    arguments: tuple[DeviceArray | np.generic, ...],
+) -> None:
     paths = routing.paths
-    for start, end in pairwise(paths.offsets):
-        program.launch(
-            kernel,
-            end - start,
-            *(paths.heads, _INT(start), _INT(end - start)),
-            *(routing.receiver, paths.main_donor, *arguments),
-        )
+    tree = (paths.heads, _INT(start), _INT(count), routing.receiver, paths.main_donor)
+    program.launch(kernel, count, *tree, *arguments, local=_PATHS_A_GROUP)

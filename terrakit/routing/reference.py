@@ -247,7 +247,7 @@ def drainage_area(receiver: Cells) -> Cells:
     return area
 
 
-def accumulate(receiver: Cells, weight: NDArray[Any], cols: int) -> NDArray[Any]:
+def accumulate(receiver: Cells, weight: NDArray[Any]) -> NDArray[Any]:
     """Return the sum of a weight over the cells that drain through each cell.
 
     A cell adds its donors in increasing cell number, so floating point gives the same everywhere.

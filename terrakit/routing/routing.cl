@@ -614,3 +614,38 @@ __kernel void routing_measure(__global const int *restrict heads, int start, int
         below = cell;
     }
 }
+
+// --- sweeps from the sources down -------------------------------------------------------------
+// The levels in reverse: each work-item walks down one path, to its head. What joins the path from
+// the side was written by a later level, hence an earlier launch.
+
+// Sum a weight over all cells upstream. The donors are added in the order of their numbers, so that
+// floating point, too, gives the same everywhere.
+#define SUM(NAME, TYPE)                                                                       \
+    __kernel void NAME(__global const int *restrict heads, int start, int count,              \
+                       __global const int *restrict receiver,                                 \
+                       __global const int *restrict main_donor,                               \
+                       __global const TYPE *restrict weight, __global TYPE *total, int rows,  \
+                       int cols)                                                              \
+    {                                                                                         \
+        const int path = (int)get_global_id(0);                                               \
+        if (path >= count)                                                                    \
+            return;                                                                           \
+        const int head = heads[start + path];                                                 \
+        int cell = head;                                                                      \
+        while (main_donor[cell] >= 0)                                                         \
+            cell = main_donor[cell];                                                          \
+        for (;;) {                                                                            \
+            const int row = cell / cols;                                                      \
+            const int col = cell - row * cols;                                                \
+            TYPE sum = weight[cell];                                                          \
+            DONORS(ANYWHERE, if (drains) sum = sum + total[donor];)                           \
+            total[cell] = sum;                                                                \
+            if (cell == head)                                                                 \
+                break;                                                                        \
+            cell = receiver[cell];                                                            \
+        }                                                                                     \
+    }
+
+SUM(routing_sum_int, int)
+SUM(routing_sum_float, float)

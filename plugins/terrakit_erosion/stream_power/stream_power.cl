@@ -102,7 +102,7 @@ inline int stream_power_creep(int d, float share, float most, float slope_of_qua
 
 // The sum of what creeps out of any cell; outlets take and never give.
 inline int stream_power_creeping(
-    __global const int *restrict height, __global const uchar *restrict outlet, int row, int col,
+    __global const int *height, __global const uchar *outlet, int row, int col,
     int rows, int cols, float axial, float diagonal, float most, float axial_slope,
     float diagonal_slope)
 {
@@ -192,8 +192,9 @@ __kernel void stream_power_mend(
     const int k = (int)get_global_id(0);
     if (k >= count) return;
     const int i = list[k];
+    const int row = i / cols;
     const int sum = stream_power_creeping(
-        height, outlet, i / cols, i % cols, rows, cols, axial, diagonal, most, axial_slope,
+        height, outlet, row, i - row * cols, rows, cols, axial, diagonal, most, axial_slope,
         diagonal_slope);
     result[i] = outlet[i] ? height[i] : height[i] - sum;
     if (outlet[i] && sum) received[i] -= sum;

@@ -1,0 +1,8 @@
+"""``python -m terrakit``."""
+
+from __future__ import annotations
+
+from terrakit.cli import main
+
+if __name__ == "__main__":
+    main()

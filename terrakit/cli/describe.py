@@ -1,0 +1,88 @@
+"""``terrakit describe OPERATOR``."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from terrakit.cli import options
+from terrakit.cli.tables import write_json
+
+if TYPE_CHECKING:
+    from pydantic.fields import FieldInfo
+
+    from terrakit.operators import Operator
+
+
+@options.command("describe")
+@click.argument("operator")
+@options.json_option
+def command(operator: str, as_json: bool) -> None:
+    """Explain an operator: what it does, its parameters, layers, presets and papers."""
+    from terrakit.registry import default_registry
+
+    kind = default_registry().get(operator)
+    if as_json:
+        from terrakit.schema import operator_schema
+
+        write_json(operator_schema(kind))
+        return
+    works_on = " and ".join(surface.__name__ for surface in kind.surfaces)
+    click.echo(f"{kind.name}  ({kind.kind}, {default_registry().owner(kind).label})\n")
+    click.echo(inspect.getdoc(kind) or "")
+    _section("Parameters", [line for item in kind.model_fields.items() for line in _lines(*item)])
+    _section("Presets", [f"{name}  {_settings(values)}" for name, values in kind.presets.items()])
+    _section(
+        "Layers",
+        [
+            f"{verb:<7} {', '.join(names)}"
+            for verb, names in (
+                ("reads", kind.reads),
+                ("uses", kind.uses),
+                ("writes", kind.writes),
+            )
+            if names
+        ]
+        + ([f"on      {works_on}"] if kind.kind not in ("generator", "importer") else []),
+    )
+    _section("Papers", list(kind.cites))
+    _section("In a recipe", snippet(kind))
+
+
+def snippet(kind: type[Operator]) -> list[str]:
+    """Return a recipe's step that uses the operator with its defaults."""
+    lines = ["[[step]]", f'use = "{kind.name}"']
+    if kind.kind == "importer":
+        suffix = next(iter(getattr(kind, "suffixes", ())), "")
+        lines.append(f'file = "terrain{suffix}"')
+    for name, field in kind.model_fields.items():
+        if isinstance(field.default, (bool, int, float, str)):
+            lines.append(f"{name} = {json.dumps(field.default)}")
+    return lines
+
+
+def _lines(name: str, field: FieldInfo) -> list[str]:
+    from terrakit.parameters import bounds_text, type_text, unit_of
+
+    limits = bounds_text(field).replace("x", name) or type_text(field.annotation)
+    if field.is_required():
+        default = "must be given"
+    elif field.default is None:
+        default = "none by default"
+    else:
+        default = f"default {json.dumps(field.default, default=str)} {unit_of(field)}".rstrip()
+    return [f"{name}  {default}; {limits}", f"    {field.description}"]
+
+
+def _settings(values: dict[str, Any]) -> str:
+    return ", ".join(f"{k} = {json.dumps(v)}" for k, v in values.items()) or "the defaults"
+
+
+def _section(title: str, lines: list[str]) -> None:
+    if lines:
+        click.echo(f"\n{title}")
+        for line in lines:
+            click.echo(f"  {line}")

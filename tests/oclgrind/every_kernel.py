@@ -1,0 +1,112 @@
+"""Launch every kernel on small terrains on Oclgrind; run as a child of test_kernels.py.
+
+Prints the kernels that were launched, one a line, to the file named on the command line. Buffers
+are kept alive: Oclgrind remembers what was not initialised by address, and would blame a buffer for
+the one that lay there before. Fills and copies go through the host for the same reason: Oclgrind
+does not see that they initialise.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from terrakit_erosion.stream_power import StreamPower
+from terrakit_erosion.thermal import Thermal
+from terrakit_generators.fbm import Fbm
+
+from terrakit import Grid, Heightfield, Run
+from terrakit.compute import DeviceArray
+from terrakit.compute import device as compute_device
+from terrakit.execute import execute
+from terrakit.routing import accumulate, filled, flow_length, outlets, route
+
+SHAPES = ((3, 3), (16, 16), (17, 5))
+
+
+def main(listing: Path) -> None:
+    """Run everything and compare it with the reference."""
+    launched: set[str] = set()
+    alive: list[object] = []
+    launch = compute_device.Program.launch
+    allocate = compute_device._Opened.allocate
+
+    def noting(self: compute_device.Program, name: str, *arguments: object, **options: object):
+        launched.add(name)
+        return launch(self, name, *arguments, **options)
+
+    def keeping(self: compute_device._Opened, size: int) -> object:
+        alive.append(allocate(self, size))
+        return alive[-1]
+
+    def filling(self: compute_device.Device, array: DeviceArray, value: float) -> None:
+        self.write(array, np.full(array.shape, value, array.dtype))
+
+    def copying(self: compute_device.Device, source: DeviceArray, target=None) -> DeviceArray:
+        target = self.empty(source.shape, source.dtype) if target is None else target
+        self.write(target, source.download())
+        return target
+
+    compute_device.Device.fill = filling
+    compute_device.Device.copy = copying
+    compute_device.Program.launch = noting
+    compute_device._Opened.allocate = keeping
+    for shape in SHAPES:
+        grid = Grid(shape, 20.0)
+        terrain = both(Fbm(amplitude=600.0, wavelength=200.0, octaves=3), grid)
+        hardness = np.linspace(0, 1, terrain.elevation.size).reshape(shape)
+        terrain = terrain.with_layers(hardness=hardness)
+        for operator in operators():
+            both(operator, terrain)
+        both(Thermal(iterations=2), terrain.to_mesh())
+        routed(terrain)
+    listing.write_text("\n".join(sorted(launched)))
+
+
+def operators() -> list[Thermal | StreamPower]:
+    """Return erosions whose settings reach every branch of the kernels."""
+    angle = {"layer": "hardness", "low": 10.0, "high": 50.0}
+    strength = {"layer": "hardness", "low": 1e-6, "high": 1e-4}
+    lift = {"layer": "hardness", "low": 0.0, "high": 1e-3}
+    brief = {"duration": 5e4, "outlet_spacing": 40.0}
+    return [
+        Thermal(iterations=2),
+        Thermal(iterations=2, border="open", talus_angle=angle),
+        Thermal(iterations=2, scheme="proportional"),
+        Thermal(iterations=2, scheme="proportional", talus_angle=angle),
+        StreamPower(**brief),
+        StreamPower(**brief, routing="d8", critical_slope=30.0, slope_exponent=1.4),
+        StreamPower(**brief, border="fixed", erodibility=strength, uplift_rate=lift),
+    ]
+
+
+def both(operator: object, subject: object) -> Heightfield:
+    """Return the result on Oclgrind after comparing it with the reference."""
+    ours, theirs = (
+        execute(operator, subject, Run(3, name, sea_level=-100.0)) for name in ("oclgrind", "numpy")
+    )
+    for layer in theirs:
+        if not np.array_equal(ours.layer(layer), theirs.layer(layer)):
+            raise SystemExit(f"{operator!r}: {layer} differs from the reference")
+    return ours
+
+
+def routed(terrain: Heightfield) -> None:
+    """Route water with both methods, on rough and on flat ground."""
+    device = Run(0, "oclgrind").device
+    rough = (terrain.elevation * 1000).astype(np.int32)
+    outlet = np.zeros(terrain.shape, np.uint8)
+    outlet[0, 0] = 1
+    for height in (rough, np.zeros_like(rough)):
+        for method in ("d8", "rho8"):
+            routing = route(height, outlet, method=method, seed=(1, 2), device=device)
+            filled(routing, device.upload(height)).download()
+            outlets(routing).download()
+            flow_length(routing).download()
+            for weight in (np.int32(2), np.float32(0.5)):
+                accumulate(routing, device.upload(np.full(height.shape, weight))).download()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
