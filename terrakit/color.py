@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from terrakit.layers import ALBEDO
 
 if TYPE_CHECKING:
+    from terrakit.heightfield import Heightfield
     from terrakit.operators import Surface
 
 
@@ -43,7 +44,7 @@ def srgb_from_linear(linear: ArrayLike) -> NDArray[np.uint8]:
     return np.searchsorted(_ends_of_codes(), light, side="right").astype(np.uint8)
 
 
-def linear_color(surface: Surface, sea_level: float | None = 0.0) -> NDArray[np.float32]:
+def linear_color(surface: Surface, sea_level: float | None = None) -> NDArray[np.float32]:
     """Return the base colour of every sample or vertex, linear light.
 
     The albedo layers if all three are there, else a tint by height.
@@ -69,19 +70,29 @@ def linear_color(surface: Surface, sea_level: float | None = 0.0) -> NDArray[np.
     return hypsometric(grid, sea_level).reshape(*elevation.shape, 3)
 
 
-def surface_color(surface: Surface, sea_level: float | None = 0.0) -> NDArray[np.uint8]:
-    """Return the base colour of every sample or vertex as sRGB; see :func:`linear_color`."""
-    return srgb_from_linear(linear_color(surface, sea_level))
+def texture_picture(terrain: Heightfield, sea_level: float | None = None) -> NDArray[np.uint8]:
+    """Return the texture of a terrain as sRGB of shape (rows - 1, cols - 1, 3), north up.
+
+    A pixel is the mean of the four samples at the corners of its cell. So texture coordinates that
+    run from 0 to 1 between the outermost samples fit exactly, and 2**k + 1 samples make a texture
+    of 2**k pixels.
+    """
+    colors = linear_color(terrain, sea_level)
+    west_east = colors[:, :-1] + colors[:, 1:]
+    return srgb_from_linear((west_east[:-1] + west_east[1:]) * np.float32(0.25))
 
 
 def png_bytes(color: NDArray[np.uint8]) -> bytes:
-    """Return an sRGB picture of shape (rows, cols, 3), row 0 at the top, as a PNG that says so."""
+    """Return an sRGB picture of shape (rows, cols, 3), row 0 at the top, as a PNG that says so.
+
+    Packed lightly: textures are written often and read once.
+    """
     from PIL import Image, PngImagePlugin
 
     about = PngImagePlugin.PngInfo()
     about.add(b"sRGB", b"\0")
     stream = io.BytesIO()
-    Image.fromarray(color).save(stream, "PNG", pnginfo=about)
+    Image.fromarray(color).save(stream, "PNG", pnginfo=about, compress_level=2)
     return stream.getvalue()
 
 

@@ -111,6 +111,8 @@ def _guarded(operator: Operator, subject: Any, run: Run) -> Any:
             if isinstance(operator, Exporter):
                 surface, path = subject
                 return operator.export(surface, path, run)
+    except (InputError, ParameterError) as error:
+        raise _named(operator, error) from error
     except (TerrakitError, KeyboardInterrupt):
         raise
     except MemoryError as error:
@@ -129,6 +131,15 @@ def _guarded(operator: Operator, subject: Any, run: Run) -> Any:
     raise TypeError(f"{operator!r} is no operator")
 
 
+def _named(operator: Operator, error: InputError | ParameterError) -> TerrakitError:
+    """Return the error with the name of the operator, which whoever wrote it could not know."""
+    if isinstance(operator, Generator) and isinstance(error, InputError):
+        return PluginError(f"{_label(operator)}: {error}")  # it had no input: it made rubbish
+    if isinstance(operator, Importer) or str(error).startswith(f"{operator.name}: "):
+        return error
+    return type(error)(f"{operator.name}: {error}")
+
+
 def _label(operator: Operator) -> str:
     from terrakit.registry import default_registry
 
@@ -145,8 +156,9 @@ def _samples(subject: Any) -> int:
 
 
 def _check_subject(operator: Operator, subject: Any) -> None:
-    surface = subject[0] if isinstance(operator, Exporter) else subject
-    if not isinstance(surface, operator.surfaces):
+    surface: Any = subject[0] if isinstance(operator, Exporter) else subject
+    works: tuple[Any, ...] = operator.surfaces
+    if not isinstance(surface, works):
         works_on = " or ".join(kind.__name__ for kind in operator.surfaces)
         raise InputError(f"{operator.name}: works on a {works_on}, not a {type(surface).__name__}")
     for name in operator.reads:

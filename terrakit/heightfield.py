@@ -59,6 +59,10 @@ class Layer:
             self._host = _read_only(self._device.download())
         return self._host
 
+    def __reduce__(self) -> tuple[type[Layer], tuple[Field]]:
+        """Travel to another process on the host, and stay read-only there."""
+        return Layer, (self.host(),)
+
     def on(self, device: Device) -> DeviceArray:
         """Return the values on ``device``, uploading them the first time."""
         if self._device is None or self._device.device.info != device.info:

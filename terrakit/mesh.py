@@ -280,18 +280,17 @@ class TriMesh:
 
     def _up_vectors(self) -> Points:
         if self.up == "radial":
-            length = np.linalg.norm(self.vertices, axis=1, keepdims=True)
-            return self.vertices / np.maximum(length, 1e-300)
+            return _directions(self.vertices)
         return np.broadcast_to(np.array(self.up), self.vertices.shape)
 
     def _projected_face_areas(self) -> NDArray[np.float64]:
         a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
         normal = np.cross(b - a, c - a) * 0.5
         if self.up == "radial":
-            centre = a + b + c
-            centre /= np.maximum(np.linalg.norm(centre, axis=1, keepdims=True), 1e-300)
-            return (normal * centre).sum(axis=1)
-        return normal @ np.array(self.up)
+            area: NDArray[np.float64] = (normal * _directions(a + b + c)).sum(axis=1)
+        else:
+            area = normal @ np.array(self.up)
+        return area
 
     def _widths(self) -> NDArray[np.float64]:
         """Return the width of the interface across each edge, metres (clamped cotangents)."""
@@ -318,8 +317,7 @@ class TriMesh:
 
     def _face_up(self) -> Points:
         if self.up == "radial":
-            centre = self.vertices[self.faces].sum(axis=1)
-            return centre / np.maximum(np.linalg.norm(centre, axis=1, keepdims=True), 1e-300)
+            return _directions(self.vertices[self.faces].sum(axis=1))
         return np.broadcast_to(np.array(self.up), (len(self.faces), 3))
 
     def _sibling(self) -> TriMesh:
@@ -413,7 +411,14 @@ def _best_fan(points: Points, corners: Indices) -> Indices:
 
 
 def _flat(vectors: Points, up: Points) -> Points:
-    return vectors - (vectors * up).sum(axis=1, keepdims=True) * up
+    flat: Points = vectors - (vectors * up).sum(axis=1, keepdims=True) * up
+    return flat
+
+
+def _directions(vectors: Points) -> Points:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    directions: Points = vectors / np.maximum(length, 1e-300)
+    return directions
 
 
 def _frozen(values: _Array) -> _Array:

@@ -51,14 +51,34 @@ class Schedule(_Setting):
 
 
 class FromLayer(_Setting):
-    """A value that follows a layer between two ends: ``low`` where it is 0, ``high`` where 1.
+    """A value that follows a layer: ``low`` where it is ``at[0]``, ``high`` where it is ``at[1]``.
 
-    In a recipe: ``{ layer = "mask_rain", low = 0.0, high = 2.0 }``.
+    In a recipe: ``{ layer = "mask_rain", low = 0.0, high = 2.0 }`` for a mask from 0 to 1, or
+    ``{ layer = "elevation", at = [200.0, 900.0], low = 1e-4, high = 1e-3 }``. Linear between the
+    two, constant beyond.
     """
 
     layer: str
     low: float
     high: float
+    at: list[float] = Field(default=[0.0, 1.0], min_length=2, max_length=2)
+
+    @model_validator(mode="after")
+    def _rising(self) -> FromLayer:
+        if not self.at[0] < self.at[1]:
+            raise ValueError(f"at = {self.at}: the first must be below the second")
+        return self
+
+    def scaled(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the value that each number of the layer stands for."""
+        import numpy as np
+
+        start, end = np.float32(self.at[0]), np.float32(self.at[1])
+        share = (np.minimum(np.maximum(values, start), end) - start) / (end - start)
+        low, high = np.float32(self.low), np.float32(self.high)
+        value = low + (high - low) * share
+        bounded: NDArray[np.float32] = np.clip(value, min(low, high), max(low, high))
+        return bounded
 
 
 Maskable = float | str | FromLayer | Schedule
@@ -268,8 +288,6 @@ def resolve(
     ParameterError
         If the layer is missing, or its values leave the parameter's bounds.
     """
-    import numpy as np
-
     value = getattr(model, name)
     if isinstance(value, (int, float)):
         return float(value)
@@ -281,8 +299,7 @@ def resolve(
         raise ParameterError(f"{name} = {layer!r}: the terrain has no such layer{known}")
     field = surface.layer(layer)
     if isinstance(value, FromLayer):
-        low, high = np.float32(value.low), np.float32(value.high)
-        field = low + (high - low) * field
+        field = value.scaled(field)
     declared = type(model).model_fields[name]
     low_end, high_end = float(field.min()), float(field.max())
     if not within(declared, low_end, high_end):

@@ -19,10 +19,14 @@ from terrakit.errors import InputError, OutputError, ParameterError, RecipeError
 from terrakit.execute import check_memory, execute
 from terrakit.heightfield import Grid
 from terrakit.operators import Exporter, Generator, Importer, Surface
+from terrakit.provenance import terrakit_version, version_of
 from terrakit.recipe import DEFAULT_MAX_CELLS, Recipe, Step, check_cells
 from terrakit.registry import Registry, default_registry
 from terrakit.results import ResultCache
 from terrakit.running import Run
+
+RECORD = "run.json"
+"""The file that says how the others came to be."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,10 @@ def check_recipe(
     steps, grid = _steps(recipe, out), recipe.grid
     if isinstance(steps[0].operator, Generator):
         assert grid is not None
-        check_cells(grid, max_cells)
+        try:
+            check_cells(grid, max_cells)
+        except RecipeError as error:
+            raise RecipeError(f"{recipe.name}: {error}") from None
         check_run(recipe, steps, grid, out)
         return
     if isinstance(steps[0].operator, Importer) and not source_path(recipe, steps[0]).is_file():
@@ -149,7 +156,7 @@ def _run_steps(
                 target = _target(recipe, step, out)
                 atomic.make_folder(target.parent)
                 written = execute(step.operator, (surface, target), step_run)
-                files += written
+                files += [path for path in written if path not in files]  # shared textures
                 entry["files"] = [path.name for path in written]
             else:
                 key = _key(key, recipe, step, run, grid)
@@ -179,7 +186,9 @@ def _run_steps(
     report = _report(recipe, run, registry, steps, entries, files)
     if out is not None:
         text = json.dumps(report, indent=2, ensure_ascii=False) + "\n"
-        files.append(atomic.write_text(atomic.make_folder(out) / "run.json", text))
+        # A name that is not UTF-8 holds lone surrogates, which JSON can say as escapes
+        content = text.encode("utf-8", "backslashreplace")
+        files.append(atomic.write_bytes(atomic.make_folder(out) / RECORD, content))
     registry.hook.terrakit_run_finished(run=run, report=report)
     return Result(surface, files, report)
 
@@ -201,13 +210,21 @@ def check_run(recipe: Recipe, steps: list[Step], grid: Grid, out: Path | None) -
 def _check_outputs(recipe: Recipe, steps: list[Step], out: Path) -> None:
     exporters = [step for step in steps if isinstance(step.operator, Exporter)]
     targets: dict[Path, Step] = {}
-    existing = next(p for p in (out, *out.absolute().parents) if p.exists() or p.is_symlink())
+    try:
+        existing = next(p for p in (out, *out.absolute().parents) if p.exists() or p.is_symlink())
+    except OSError as error:
+        raise atomic.explain_os_error(error, out) from None
     if not existing.is_dir():
         raise OutputError(f"{existing}: a file is in the way of a folder; choose another --out")
-    probe = existing / ".terrakit" if existing != out else out / "run.json"
+    probe = existing / ".terrakit" if existing != out else out / RECORD
     atomic.writable_target(probe)
     for step in exporters:
         target = _target(recipe, step, out)
+        if target == out / RECORD:
+            raise RecipeError(
+                f"{recipe.name}: step '{step.name}': file = '{RECORD}': is the record of the run; "
+                "choose another name"
+            )
         if target in targets:
             other = targets[target]
             raise RecipeError(
@@ -323,12 +340,12 @@ def _report(
 ) -> dict[str, Any]:
     owners = {registry.owner(type(step.operator)) for step in steps}
     return {
-        "terrakit": version(),
+        "terrakit": terrakit_version(),
         "recipe": recipe.with_seed(run.seed).to_dict(),
         "device": {"name": run.device_info.label, "version": run.device_info.version},
         "versions": {
             "python": platform.python_version(),
-            **{name: _version_of(name) for name in ("numpy", "pyopencl", "pydantic", "pluggy")},
+            **{name: version_of(name) for name in ("numpy", "pyopencl", "pydantic", "pluggy")},
             **{owner.distribution: owner.version for owner in owners},
         },
         "steps": entries,
@@ -338,18 +355,3 @@ def _report(
         ],
         "cites": sorted({cite for step in steps for cite in step.operator.cites}),
     }
-
-
-def version() -> str:
-    """Return the version of the installed terrakit."""
-    return _version_of("terrakit")
-
-
-def _version_of(distribution: str) -> str:
-    from importlib.metadata import PackageNotFoundError
-    from importlib.metadata import version as installed
-
-    try:
-        return installed(distribution)
-    except PackageNotFoundError:
-        return "unknown"

@@ -158,7 +158,7 @@ def load_recipe(
     if isinstance(source, Mapping):
         return _parse(dict(source), "recipe", "recipe", Path.cwd(), settings or {}, registry, True)
     path = Path(source)
-    if str(source) in shipped() and not path.exists():
+    if str(source) in shipped() and not path.is_file():
         resource = resources.files("terrakit") / "recipes" / f"{source}.toml"
         text, name, folder = resource.read_text("utf-8"), str(source), Path.cwd()
         shown = f"{source}.toml"
@@ -248,6 +248,12 @@ def _pair(value: Any, key: str) -> tuple[float, float]:
 
 
 def _read(path: Path) -> str:
+    try:
+        path.stat()
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        raise RecipeError(f"{str(path)[:80]}: cannot be read ({error.strerror})") from None
     if path.is_dir():
         raise RecipeError(f"{path}: is a folder; name a .toml file or one of: {_names()}")
     if not path.exists():

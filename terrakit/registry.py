@@ -250,7 +250,7 @@ def check_declaration(operator: Any, base: type[Operator]) -> None:
         raise TypeError(f"{operator.__name__} lacks {missing}()")
     if not operator.name.replace("_", "").isalnum() or operator.name != operator.name.lower():
         raise TypeError(f"{operator.__name__}.name = {operator.name!r}: must be lower_case")
-    if not operator.summary():
+    if not (operator.__doc__ or "").strip():  # its own, not what getdoc() finds in its base
         raise TypeError(f"{operator.__name__} has no docstring")
     for declared in (*operator.reads, *operator.uses, *operator.writes):
         if layer_kind(declared) is None and layer_kind(declared + "x") is None:

@@ -55,7 +55,7 @@ class ResultCache:
         polygons = None
         if "polygon_counts" in arrays:
             polygons = Polygons(arrays["polygon_counts"], arrays["polygon_indices"])
-        up = about["up"] if isinstance(about["up"], str) else tuple(about["up"])
+        up: Any = about["up"] if isinstance(about["up"], str) else tuple(about["up"])
         mesh = TriMesh(arrays["vertices"], arrays["faces"], layers, up, polygons)
         return mesh, about["ledger"]
 

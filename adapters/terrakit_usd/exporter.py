@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -16,6 +15,7 @@ from terrakit.layers import ALBEDO
 from terrakit.mesh import TriMesh
 from terrakit.operators import Exporter, Surface
 from terrakit.parameters import parameter, suggestion
+from terrakit.provenance import terrakit_version
 from terrakit.running import Run
 from terrakit_usd.geometry import Geometry, geometry_of
 
@@ -79,7 +79,9 @@ class Usd(Exporter):
 
         # Author everything in memory; only then touch the disk
         has_texture = self.texture and isinstance(surface, Heightfield)
-        picture = color.png_bytes(color.surface_color(surface)) if has_texture else None
+        picture: bytes | None = None
+        if self.texture and isinstance(surface, Heightfield):
+            picture = color.png_bytes(color.texture_picture(surface, run.sea_level))
         authored = stage.author(
             root_name,
             geometry,
@@ -88,7 +90,9 @@ class Usd(Exporter):
             stage.Look(
                 self.roughness,
                 f"./{texture_name}" if has_texture else None,
-                color.linear_color(surface) if self.texture and not has_texture else None,
+                color.linear_color(surface, run.sea_level)
+                if self.texture and not has_texture
+                else None,
             ),
             record,
         )
@@ -128,7 +132,7 @@ class Usd(Exporter):
         self, geometry: Geometry, surface: Surface, run: Run
     ) -> tuple[Geometry, dict[str, Any]]:
         """Return the geometry where ``placement`` wants it, and the provenance to record."""
-        record: dict[str, Any] = {"version": _version(), "seed": str(run.seed)}
+        record: dict[str, Any] = {"version": terrakit_version(), "seed": str(run.seed)}
         if isinstance(surface, Heightfield):
             record["spacing"] = surface.spacing
             record["samples"] = list(surface.shape)
@@ -139,10 +143,3 @@ class Usd(Exporter):
             record["origin"] = geometry.shift
             geometry = dataclasses.replace(geometry, shift=(0.0, 0.0, 0.0))
         return (geometry.y_up() if self.up == "y" else geometry), record
-
-
-def _version() -> str:
-    try:
-        return version("terrakit")
-    except PackageNotFoundError:
-        return "unknown"

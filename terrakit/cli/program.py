@@ -10,6 +10,7 @@ import click
 
 from terrakit.cli import messages
 from terrakit.cli.commands import terrakit
+from terrakit.cli.interruption import INTERRUPTION
 from terrakit.errors import TerrakitError
 
 INTERNAL_ERROR = 1
@@ -45,6 +46,8 @@ def _invoke(arguments: list[str], settings: messages.Settings) -> int:
 
 def _report(problem: BaseException, settings: messages.Settings) -> int:
     """Say what went wrong and return the exit code."""
+    if INTERRUPTION.happened:  # whatever it is, it came of the interruption
+        return 130
     if isinstance(problem, BrokenPipeError) or getattr(problem, "errno", None) == errno.EPIPE:
         messages.close_output()
         return BROKEN_PIPE

@@ -13,6 +13,7 @@ import sys
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from terrakit.compute import kernel_cache
 from terrakit.errors import DeviceError
@@ -142,7 +143,7 @@ def _preference(device: DeviceInfo) -> tuple[bool, bool, int, int, str]:
     )
 
 
-def _probe(skip: list[str]) -> tuple[list[dict[str, dict[str, object]]], str | None]:
+def _probe(skip: list[str]) -> tuple[list[dict[str, Any]], str | None]:
     """Run the probe; return its lines and, if it did not end well, how it died."""
     environment = dict(os.environ, PYTHONPATH=os.pathsep.join(p for p in sys.path if p))
     environment["PYOPENCL_NO_CACHE"] = "1"
@@ -152,8 +153,7 @@ def _probe(skip: list[str]) -> tuple[list[dict[str, dict[str, object]]], str | N
             command,
             env=environment,
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            capture_output=True,
             timeout=PROBE_SECONDS,
             check=False,
         )
@@ -169,7 +169,7 @@ def _probe(skip: list[str]) -> tuple[list[dict[str, dict[str, object]]], str | N
     return answers, f"the probe died ({why}{': ' + last[-1][:200] if last else ''})"
 
 
-def _lines(output: bytes) -> list[dict[str, dict[str, object]]]:
+def _lines(output: bytes) -> list[dict[str, Any]]:
     answers = []
     for line in output.decode(errors="replace").splitlines():
         try:

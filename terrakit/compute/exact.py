@@ -66,7 +66,8 @@ def log2(values: NDArray[np.float32]) -> NDArray[np.float32]:
     p = np.full_like(s, F(_LOG2[0]))
     for coefficient in _LOG2[1:]:
         p = p * s + F(coefficient)
-    return exponent.astype(F) + t * p
+    result: NDArray[np.float32] = exponent.astype(F) + t * p
+    return result
 
 
 def exp2(values: NDArray[np.float32]) -> NDArray[np.float32]:

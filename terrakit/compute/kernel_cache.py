@@ -8,6 +8,7 @@ after each build, and empties the folder when a recorded file no longer matches.
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import json
 import os
@@ -48,10 +49,11 @@ def prepare() -> Path:
         if shutil.disk_usage(folder).free < SMALLEST_FREE_DISK:
             raise OSError(f"less than {SMALLEST_FREE_DISK >> 20} MB free")
     except (OSError, RuntimeError) as error:
-        folder = Path(_temporary_cache())
+        folder = Path(_temporary_cache(os.getpid()))
+        reason = getattr(error, "strerror", None) or error
         warnings.warn(
-            f"kernel cache {cache_home() / 'kernels'} cannot be used "
-            f"({getattr(error, 'strerror', None) or error}); kernels are compiled afresh in {folder}",
+            f"kernel cache {cache_home() / 'kernels'} cannot be used ({reason}); "
+            f"kernels are compiled afresh in {folder}",
             stacklevel=2,
         )
     else:
@@ -81,8 +83,12 @@ def clear() -> Path:
     return folder
 
 
-def _temporary_cache() -> str:
+@functools.cache
+def _temporary_cache(pid: int) -> str:
+    """Return the one folder that this process uses in place of the cache."""
     import atexit
+
+    del pid
 
     folder = tempfile.mkdtemp(prefix="terrakit-kernels-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from terrakit.errors import ParameterError, TerrakitError
+from terrakit.errors import TerrakitError
 from terrakit.operators import Erosion, Operator, Texture
 from terrakit.parameters import Maskable, Seed, bounds_of, check_bounds, unit_of
 from terrakit.registry import FAMILIES, check_declaration, default_registry

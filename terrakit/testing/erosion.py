@@ -37,9 +37,11 @@ def ledger_closes(trial: Trial) -> None:
 
 def ledger_agrees_with_the_surface(trial: Trial) -> None:
     """The volume under the surface, measured before and after, is what the ledger says."""
-    subjects = [
-        with_layers(trial.operator, rough_terrain(shape)) for shape in SHAPES[1:4]
-    ] if Heightfield in trial.operator.surfaces else []
+    subjects = (
+        [with_layers(trial.operator, rough_terrain(shape)) for shape in SHAPES[1:4]]
+        if Heightfield in trial.operator.surfaces
+        else []
+    )
     subjects += [trial.surface(kind) for kind in trial.operator.surfaces if kind is TriMesh]
     for surface in subjects:
         run = Run(7, trial.device).for_step(trial.name)
@@ -330,4 +332,3 @@ def _masked(trial: Trial, kind: str, value: float) -> Surface:
         mask_ramp=ramp,
         mask_out_of_bounds=np.where(ramp > 0.5, np.float32(3e38), np.float32(-3e38)),
     )
-

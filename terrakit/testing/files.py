@@ -80,13 +80,15 @@ def surface_survives_its_export(trial: Trial) -> None:
 
 
 def failing_write_leaves_nothing(trial: Trial) -> None:
-    """On a full disk, or without a folder, it raises one line and leaves what was there."""
+    """On a full disk, or with a folder in its way, it raises one line and leaves what was."""
     for _, surface in _surfaces(trial):
         with _folder() as folder:
             target = folder / _file_name(trial)
-            with refusing(trial, "a folder that is not there"):
-                _export(trial, surface, folder / "missing")
-            _nothing_new(trial, folder, set(), "without a folder")
+            target.mkdir()
+            with refusing(trial, "a folder in the place of its file"):
+                _export(trial, surface, folder)
+            _nothing_new(trial, folder, set(), "with a folder in the place of its file")
+            target.rmdir()
             target.write_bytes(b"old")
             with refusing(trial, "a full disk"), _full_disk(trial):
                 _export(trial, surface, folder)
@@ -168,7 +170,9 @@ def cut_files_are_refused(trial: Trial) -> None:
                         surface = operator.load(path, Run())
                 except TerrakitError as error:
                     if "\n" in str(error):
-                        raise trial.broken(f"refuses a cut file in several lines: {error}") from error
+                        raise trial.broken(
+                            f"refuses a cut file in several lines: {error}"
+                        ) from error
                 except Exception as error:
                     raise trial.broken(
                         f"a file cut to {cut} of {CUTS} parts: {type(error).__name__}: {error}"

@@ -76,7 +76,7 @@ def awkward_terrains(shape: tuple[int, int] = (17, 17)) -> Iterator[tuple[str, H
     yield "ground around 8000 m", Heightfield(8000.0 + 800.0 * rough, 90.0)
     yield "ground around -11000 m", Heightfield(-11000.0 + 800.0 * rough, 90.0)
     yield "relief of 100 km", Heightfield(1e5 * rough, 10.0)
-    yield "samples 3 mm apart", Heightfield(0.01 * rough, 0.003)
+    yield "samples 1 km apart", Heightfield(3000.0 * rough, 1000.0)
 
 
 def irregular_mesh(size: int = 15, spacing: float = 10.0) -> TriMesh:

@@ -22,8 +22,18 @@ def test_run_writes_files_and_says_how(terrakit):
 def test_run_options(terrakit):
     terrakit.recipe()
     common = ("run", "hills.toml", "--device", "numpy", "--no-cache")
-    done = terrakit(*common, "--out", "here", "--seed", "word", "--json",
-                    "--set", "samples=17", "--set", "thermal.talus_angle=20").worked()
+    done = terrakit(
+        *common,
+        "--out",
+        "here",
+        "--seed",
+        "word",
+        "--json",
+        "--set",
+        "samples=17",
+        "--set",
+        "thermal.talus_angle=20",
+    ).worked()
     report = json.loads(done.out)
     assert report["recipe"]["seed"] == "word"
     assert report["recipe"]["step"][1]["talus_angle"] == 20
@@ -82,8 +92,10 @@ def test_schema_has_every_operator_and_no_null(terrakit):
     schema = json.loads(terrakit("validate", "--schema").worked().out)
     listed = json.loads(terrakit("list", "--json").worked().out)
     names = {entry["name"] for entry in listed if entry["kind"] != "recipe"}
-    assert {ref["$ref"].removeprefix("#/$defs/step_")
-            for ref in schema["properties"]["step"]["items"]["oneOf"]} == names
+    assert {
+        ref["$ref"].removeprefix("#/$defs/step_")
+        for ref in schema["properties"]["step"]["items"]["oneOf"]
+    } == names
     assert '"null"' not in json.dumps(schema)
     thermal = schema["$defs"]["step_thermal"]["properties"]
     assert thermal["use"] == {"const": "thermal", "description": "The operator."}
@@ -124,24 +136,58 @@ def test_flags_follow_from_declarations(terrakit):
 
 def test_generate_erode_texture_convert(terrakit):
     numpy_ = ("--device", "numpy")
-    terrakit("generate", "fbm", "a.npz", "--samples", "33x17", "--spacing", "30",
-             "--preset", "hills", "--fbm-seed", "word", "--octaves", "3", *numpy_).worked()
+    terrakit(
+        "generate",
+        "fbm",
+        "a.npz",
+        "--samples",
+        "33x17",
+        "--spacing",
+        "30",
+        "--preset",
+        "hills",
+        "--fbm-seed",
+        "word",
+        "--octaves",
+        "3",
+        *numpy_,
+    ).worked()
     assert np.load(terrakit.folder / "a.npz")["elevation"].shape == (17, 33)
     for angle in ("20", "2e1", "{at = [0.0, 1.0], value = [30.0, 20.0]}"):
-        terrakit("erode", "thermal", "a.npz", "b.npz", "--talus-angle", angle, "--border", "open",
-                 *numpy_).worked()
+        terrakit(
+            "erode",
+            "thermal",
+            "a.npz",
+            "b.npz",
+            "--talus-angle",
+            angle,
+            "--border",
+            "open",
+            *numpy_,
+        ).worked()
     terrakit("texture", "slope_height", "b.npz", "c.npz", *numpy_).worked()
-    terrakit("erode", "thermal", "c.npz", "d.npz", "--iterations", "1", *numpy_,
-             "--talus-angle", "{layer='material_rock', low=10.0, high=40.0}").worked()
+    terrakit(
+        "erode",
+        "thermal",
+        "c.npz",
+        "d.npz",
+        "--iterations",
+        "1",
+        *numpy_,
+        "--talus-angle",
+        "{layer='material_rock', low=10.0, high=40.0}",
+    ).worked()
     terrakit("convert", "c.npz", "c.obj").worked()
     assert (terrakit.folder / "c.obj").stat().st_size > 1000
-    terrakit("erode", "thermal", "a.npz", "e.npz", "--talus-angle", "mask_none",
-             *numpy_).refused("mask_none", "no such layer")
+    terrakit("erode", "thermal", "a.npz", "e.npz", "--talus-angle", "mask_none", *numpy_).refused(
+        "mask_none", "no such layer"
+    )
 
 
 def test_generate_has_the_extent_of_size(terrakit):
-    terrakit("generate", "fbm", "a.npz", "--size", "640", "--samples", "33",
-             "--device", "numpy").worked()
+    terrakit(
+        "generate", "fbm", "a.npz", "--size", "640", "--samples", "33", "--device", "numpy"
+    ).worked()
     facts = json.loads(terrakit("info", "a.npz", "--json").worked().out)
     assert facts["spacing"] == 20
     assert facts["extent"] == {"west": 0, "east": 640, "south": 0, "north": 640}
@@ -186,15 +232,18 @@ def test_doctor(terrakit):
     report = json.loads(done.out)
     assert report["devices"]
     assert report["versions"]["pyopencl"]
-    checked = {(check["operator"], check["surface"]): check["verdict"]
-               for check in report["checks"]}
+    checked = {
+        (check["operator"], check["surface"]): check["verdict"] for check in report["checks"]
+    }
     assert checked["fbm", "grid"] == "same"
     assert checked["thermal", "mesh"] == "same"
     assert report["bandwidth"] > 1e8
 
 
 def test_doctor_finds_a_kernel_that_differs(terrakit):
-    terrakit.plugin("tk-wrong", """
+    terrakit.plugin(
+        "tk-wrong",
+        """
         import numpy as np
         from terrakit import Generator, Heightfield, hookimpl
 
@@ -208,7 +257,8 @@ def test_doctor_finds_a_kernel_that_differs(terrakit):
         @hookimpl
         def terrakit_generators():
             return [Wrong]
-        """)
+        """,
+    )
     done = terrakit("doctor")
     assert done.code == 1
     (line,) = [line for line in done.out.splitlines() if line.startswith("wrong")]

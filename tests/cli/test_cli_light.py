@@ -20,8 +20,11 @@ def test_imports_nothing_heavy(argument):
         text=True,
         check=True,
     )
-    imported = {line.rpartition("|")[2].strip().partition(".")[0] for line in
-                child.stderr.splitlines() if line.startswith("import time:")}
+    imported = {
+        line.rpartition("|")[2].strip().partition(".")[0]
+        for line in child.stderr.splitlines()
+        if line.startswith("import time:")
+    }
     assert "click" in imported
     assert not imported & set(HEAVY)
 
@@ -29,7 +32,9 @@ def test_imports_nothing_heavy(argument):
 def test_costs_little_cpu():
     def cost() -> float:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run([sys.executable, "-m", "terrakit", "--help"], capture_output=True, check=True)
+        subprocess.run(
+            [sys.executable, "-m", "terrakit", "--help"], capture_output=True, check=True
+        )
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
@@ -45,8 +50,21 @@ def test_help_names_every_command(terrakit):
 
 @pytest.mark.parametrize(
     "name",
-    ["run", "validate", "generate", "erode", "texture", "convert", "preview", "info", "analyze",
-     "list", "describe", "plugins", "doctor"],
+    [
+        "run",
+        "validate",
+        "generate",
+        "erode",
+        "texture",
+        "convert",
+        "preview",
+        "info",
+        "analyze",
+        "list",
+        "describe",
+        "plugins",
+        "doctor",
+    ],
 )
 def test_every_command_has_help(terrakit, name):
     assert "Usage: terrakit" in terrakit(name, "--help").worked().out

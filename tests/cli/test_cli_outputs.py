@@ -37,7 +37,7 @@ def test_disk_full(terrakit, terrain, tmpfs, suffix):
     place = tmpfs("8k")
     target = place / f"hills{suffix}"
     target.write_bytes(OLD)
-    terrakit("convert", terrain, target).refused("hills", "no space left", "MB")
+    terrakit("convert", terrain, target).refused(str(place), "no space left", "MB")
     assert target.read_bytes() == OLD
     assert names(place) == [target.name]
 
@@ -147,8 +147,16 @@ def test_no_place_for_a_run(terrakit, out):
 
 @pytest.mark.parametrize(
     "name",
-    [b"with blanks", b"qu'o\"te", b"new\nline", b"-dash", b"\xff\xfe", "Ünïcode".encode(),
-     b"x" * 200, b"%s{0}$HOME"],
+    [
+        b"with blanks",
+        b"qu'o\"te",
+        b"new\nline",
+        b"-dash",
+        b"\xff\xfe",
+        "Ünïcode".encode(),
+        b"x" * 200,
+        b"%s{0}$HOME",
+    ],
 )
 def test_odd_names_work(terrakit, name):
     terrakit.recipe()

@@ -60,8 +60,10 @@ def test_no_recipe(terrakit, text, words):
         (HEADER + FBM + 'preset = "hill"\n', ["preset = 'hill'", "hills"]),
         (HEADER + '[[step]]\nuse = "thermal"\n', ["step 1", "begin with a generator"]),
         (HEADER + FBM + FBM, ["step 2", "must be the first"]),
-        (HEADER + FBM + 'name = "x"\n' + '[[step]]\nuse = "thermal"\nname = "x"\n',
-         ["steps 1 and 2", "'x'"]),
+        (
+            HEADER + FBM + 'name = "x"\n' + '[[step]]\nuse = "thermal"\nname = "x"\n',
+            ["steps 1 and 2", "'x'"],
+        ),
         (HEADER + FBM + 'name = "a.b"\n', ["a.b", "without dots"]),
         (FBM, ["fbm needs an extent"]),
         ("size = 3.0\n" + FBM, ["size", "spacing", "samples"]),
@@ -87,8 +89,19 @@ def test_wrong_key_or_order(terrakit, text, words):
 
 @pytest.mark.parametrize(
     "value",
-    ['"ten"', "true", "[1]", "1.5", "2001-01-01", "{a = 1}", "-1", "1e12", "nan", "inf",
-     "1" + "0" * 400],
+    [
+        '"ten"',
+        "true",
+        "[1]",
+        "1.5",
+        "2001-01-01",
+        "{a = 1}",
+        "-1",
+        "1e12",
+        "nan",
+        "inf",
+        "1" + "0" * 400,
+    ],
 )
 def test_wrong_value_of_a_whole_number(terrakit, value):
     text = HEADER + FBM + '[[step]]\nuse = "thermal"\niterations = ' + value
@@ -96,9 +109,19 @@ def test_wrong_value_of_a_whole_number(terrakit, value):
     outcome.refused("hills.toml", "step 2 'thermal'", "iterations = ", "0 <= ", "<= 100000")
 
 
-@pytest.mark.parametrize("value", ["-1.0", "90.0", "nan", "true", "[3.0]", "{ layer = 3 }",
-                                   "{ at = [0.0, 2.0], value = [1.0, 2.0] }",
-                                   '{ layer = "sediment", low = 0.0, high = 91.0 }'])
+@pytest.mark.parametrize(
+    "value",
+    [
+        "-1.0",
+        "90.0",
+        "nan",
+        "true",
+        "[3.0]",
+        "{ layer = 3 }",
+        "{ at = [0.0, 2.0], value = [1.0, 2.0] }",
+        '{ layer = "sediment", low = 0.0, high = 91.0 }',
+    ],
+)
 def test_wrong_value_of_a_maskable(terrakit, value):
     text = HEADER + FBM + '[[step]]\nuse = "thermal"\ntalus_angle = ' + value
     run(terrakit, text).refused("hills.toml", "step 2 'thermal'", "talus_angle")
@@ -106,14 +129,18 @@ def test_wrong_value_of_a_maskable(terrakit, value):
 
 def test_a_missing_layer_names_the_step(terrakit):
     text = HEADER + FBM + '[[step]]\nuse = "thermal"\ntalus_angle = "mask_north"\n'
-    run(terrakit, text).refused("hills", "step 2 'thermal'", "mask_north", "no such layer")
+    run(terrakit, text, "-q").refused("hills", "step 2 'thermal'", "mask_north", "no such layer")
 
 
 def test_whole_floats_are_whole_numbers(terrakit):
     step = '[[step]]\nuse = "thermal"\niterations = 1e1\n'
     run(terrakit, HEADER + FBM + step).worked()
-    assert json.loads((terrakit.folder / "hills/run.json").read_text())["recipe"]["step"][1][
-        "iterations"] == 10
+    assert (
+        json.loads((terrakit.folder / "hills/run.json").read_text())["recipe"]["step"][1][
+            "iterations"
+        ]
+        == 10
+    )
 
 
 def test_no_iterations_copies_the_input(terrakit):
@@ -145,8 +172,8 @@ def test_wrong_settings(terrakit, setting, words):
 
 
 def test_too_large_for_memory(terrakit):
-    text = "samples = 30000\nspacing = 1.0\n" + FBM
-    run(terrakit, text, "--max-cells", "1000000000").refused("30000", "GB", "free", "fbm")
+    text = "samples = 100000\nspacing = 1.0\n" + FBM
+    run(terrakit, text, "--max-cells", "10000000000").refused("10000000000", "GB", "free", "fbm")
 
 
 def test_too_large_for_a_limit_of_memory(terrakit):
@@ -160,14 +187,24 @@ def test_too_large_for_a_limit_of_memory(terrakit):
 
 @pytest.mark.parametrize(
     "file",
-    ["../secret.npy", "/etc/passwd", "~/secret.npy", "/dev/zero", "http://example.org/a.npy",
-     "a/../../secret.npy", "C:/a.npy", "\\\\\\\\host\\\\share\\\\a.npy", "link/secret.npy", ""],
+    [
+        "../secret.npy",
+        "/etc/passwd",
+        "~/secret.npy",
+        "/dev/zero",
+        "http://example.org/a.npy",
+        "a/../../secret.npy",
+        "C:/a.npy",
+        "\\\\\\\\host\\\\share\\\\a.npy",
+        "link/secret.npy",
+        "",
+    ],
 )
 def test_a_recipe_reads_only_beside_itself(terrakit, file):
     np.save(terrakit.folder.parent / "secret.npy", np.zeros((33, 33), np.float32))
     (terrakit.folder / "link").symlink_to(terrakit.folder.parent)
     text = f'[[step]]\nuse = "numpy"\nfile = "{file}"\n'
-    run(terrakit, text).refused("hills", "step 1 'numpy'", "file")
+    run(terrakit, text).refused("hills", "'numpy'", "file")
 
 
 @pytest.mark.parametrize("file", ["../a.npz", "/tmp/a.npz", "~/a.npz", "http://a/b.npz"])
@@ -187,19 +224,27 @@ def test_paths_of_the_user_may_be_anywhere(terrakit):
     np.save(terrakit.folder.parent / "far/a.npy", np.zeros((33, 33), np.float32))
     text = '[[step]]\nuse = "numpy"\nfile = "a.npy"\nspacing = 3.0\n[[step]]\nuse = "npz"\n'
     run(terrakit, text).refused("a.npy", "no such file")
-    run(terrakit, text, "--set", "numpy.file=../far/a.npy", "--set",
-        f"npz.file={terrakit.folder.parent}/far/b.npz").worked()
+    run(
+        terrakit,
+        text,
+        "--set",
+        "numpy.file=../far/a.npy",
+        "--set",
+        f"npz.file={terrakit.folder.parent}/far/b.npz",
+    ).worked()
     assert (terrakit.folder.parent / "far/b.npz").is_file()
 
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("missing.toml", ["no such recipe"]), (".", ["is a folder"]), ("/dev/zero", ["regular file"]),
-     ("x" * 300, ["no such recipe"]), ("no\0ne", [])],
+    [
+        ("missing.toml", ["no such recipe"]),
+        (".", ["is a folder"]),
+        ("/dev/zero", ["regular file"]),
+        ("x" * 300, ["too long"]),
+    ],
 )
 def test_no_such_recipe(terrakit, name, words):
-    if "\0" in name:
-        pytest.skip("no argument can hold it")
     terrakit("run", name).refused(*words)
 
 
@@ -207,10 +252,13 @@ SEEDS = ("-1", "4294967295", "18446744073709551616", "word", "Ärger", "7", '"7"
 
 
 def test_seeds_do_not_clash(terrakit):
-    commands = [["generate", "fbm", f"{i}.npz", "--samples", "9", "--device", "numpy", "--seed",
-                 seed] for i, seed in enumerate(SEEDS)]
+    commands = [
+        ["generate", "fbm", f"{i}.npz", "--samples", "9", "--device", "numpy", "--seed", seed]
+        for i, seed in enumerate(SEEDS)
+    ]
     assert terrakit.many(commands) == [0] * len(SEEDS)
-    heights = {np.load(terrakit.folder / f"{i}.npz")["elevation"].tobytes()
-               for i in range(len(SEEDS))}
+    heights = {
+        np.load(terrakit.folder / f"{i}.npz")["elevation"].tobytes() for i in range(len(SEEDS))
+    }
     assert len(heights) == len(SEEDS)
     terrakit("generate", "fbm", "a.npz", "--seed", "1.5").refused("1.5", "an integer or text")

@@ -1,4 +1,4 @@
-"""The contract suite over every operator that is registered."""
+"""The contract suite over every operator that ships."""
 
 from __future__ import annotations
 
@@ -7,14 +7,33 @@ import pytest
 from terrakit.registry import default_registry
 from terrakit.testing import Check, contract_checks, examine
 
+KNOWN = {
+    "stream_power-schedules_take_effect": "uplift_rate and erodibility are read once, at the start",
+}
+"""Breaches that somebody has still to mend, by operator and check; a mended one must leave."""
+
 CHECKS = [
-    check
+    pytest.param(
+        check,
+        id=repr(check),
+        marks=[pytest.mark.xfail(reason=KNOWN[repr(check)])] if repr(check) in KNOWN else [],
+    )
     for operator in default_registry().operators()
     if default_registry().owner(operator).is_built_in
     for check in contract_checks(operator)
 ]
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=repr)
+@pytest.mark.parametrize("check", CHECKS)
 def test_operator(check: Check) -> None:
     examine(check)
+
+
+def test_every_kind_of_operator_is_tried() -> None:
+    assert {o.kind for o in default_registry().operators()} == {
+        "generator",
+        "erosion",
+        "texture",
+        "importer",
+        "exporter",
+    }

@@ -107,7 +107,7 @@ def test_faces_stay_right_where_indices_grow_a_digit(tmp_path, cols):
 def test_texture_coordinates_and_material(tmp_path):
     terrain = rough(5, 3)
     files = Obj().export(terrain, tmp_path / "my hill.obj", Run())
-    assert [f.name for f in files] == ["my hill.obj", "my_hill.mtl", "my_hill_colour.png"]
+    assert [f.name for f in files] == ["my hill.obj", "my_hill.mtl", "my_hill_color.png"]
     assert sorted(p.name for p in tmp_path.iterdir()) == sorted(f.name for f in files)
     obj = parse(files[0])
     u, v = np.array(obj["vt"]).T
@@ -118,7 +118,7 @@ def test_texture_coordinates_and_material(tmp_path):
     assert not obj["vn"]
     assert not obj["g"]
     material = files[1].read_text()
-    assert "map_Kd my_hill_colour.png" in material
+    assert "map_Kd my_hill_color.png" in material
     assert "Pr 0.9" in material
     with Image.open(files[2]) as picture:
         assert picture.size == (2, 4)

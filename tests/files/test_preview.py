@@ -86,7 +86,7 @@ def test_the_picture_is_north_up_and_the_same_every_time(tmp_path):
     values = np.full((64, 64), 10.0, np.float32)
     values[:20, -20:] = -50.0
     terrain = Heightfield(values, 10.0)
-    (path,) = Preview().export(terrain, tmp_path / "a.png", Run())
+    (path,) = Preview(sea_level=0.0).export(terrain, tmp_path / "a.png", Run())
     with Image.open(path) as picture:
         assert picture.size == (64, 64)
         colours = np.asarray(picture.convert("RGB")).astype(int)
@@ -94,7 +94,7 @@ def test_the_picture_is_north_up_and_the_same_every_time(tmp_path):
     assert blue[5, 58] > 40
     assert max(blue[5, 5], blue[58, 58], blue[58, 5]) < 20
     content = path.read_bytes()
-    assert Preview().export(terrain, path, Run())[0].read_bytes() == content
+    assert Preview(sea_level=0.0).export(terrain, path, Run())[0].read_bytes() == content
 
 
 def test_a_notebook_shows_it():

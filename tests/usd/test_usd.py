@@ -259,8 +259,9 @@ def test_texture_shows_the_albedo(tmp_path):
     Usd().export(spiked(), tmp_path / "alps.usdc", Run())
     with Image.open(tmp_path / "alps_color.png") as picture:
         pixels = np.array(picture)
-    assert pixels.shape == (ROWS, COLS, 3)
-    light = spiked().layer("albedo_red").astype(np.float64)
+    assert pixels.shape == (ROWS - 1, COLS - 1, 3)  # a pixel a cell: the mean of its corners
+    corners = spiked().layer("albedo_red").astype(np.float64)
+    light = (corners[:-1, :-1] + corners[:-1, 1:] + corners[1:, :-1] + corners[1:, 1:]) / 4
     encoded = np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055)
     np.testing.assert_array_equal(pixels[..., 0], np.rint(encoded * 255))
     np.testing.assert_array_equal(pixels[..., 2], 137)
@@ -273,7 +274,7 @@ def test_terrain_without_colours_is_tinted_by_height(tmp_path):
     Usd().export(bare, tmp_path / "bare.usdc", Run())
     with Image.open(tmp_path / "bare_color.png") as picture:
         pixels = np.array(picture)
-    assert pixels.shape == (ROWS, COLS, 3)
+    assert pixels.shape == (ROWS - 1, COLS - 1, 3)
     assert (pixels[0, -1] != pixels[-1, 0]).any()
 
 

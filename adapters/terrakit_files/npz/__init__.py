@@ -14,7 +14,7 @@ from terrakit.errors import InputError
 from terrakit.heightfield import Heightfield
 from terrakit.operators import Exporter
 from terrakit.parameters import parameter
-from terrakit_files.version import terrakit_version
+from terrakit.provenance import terrakit_version
 
 if TYPE_CHECKING:
     from terrakit.running import Run

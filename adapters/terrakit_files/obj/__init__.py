@@ -12,16 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrakit.atomic import staged_folder, writable_target
-from terrakit.color import linear_color, srgb_from_linear
+from terrakit.color import linear_color, png_bytes, srgb_from_linear, texture_picture
 from terrakit.errors import InputError
 from terrakit.heightfield import Grid, Heightfield
 from terrakit.layers import ALBEDO
 from terrakit.mesh import TriMesh
 from terrakit.operators import Exporter
 from terrakit.parameters import parameter
+from terrakit.provenance import terrakit_version
 from terrakit_files.obj.text import Bytes, decimals, joined, whole_numbers
-from terrakit_files.texture_image import colour_texture, texture_png
-from terrakit_files.version import terrakit_version
 
 if TYPE_CHECKING:
     from terrakit.running import Run
@@ -57,11 +56,6 @@ class Obj(Exporter):
     texture: bool = parameter(
         True, "Write the colour: as a picture for grids, as vertex colours for meshes."
     )
-    sea_level: float | None = parameter(
-        0.0,
-        "Height of the water in tints where there are no albedo layers; none: no water.",
-        unit="m",
-    )
 
     def check(self, grid: Grid) -> None:
         """Raise InputError if there are too few samples for a face or too many for an OBJ."""
@@ -77,16 +71,16 @@ class Obj(Exporter):
         if isinstance(surface, Heightfield):
             self.check(surface.grid)
         word = re.sub(r"[^\w.-]+", "_", path.stem) or "terrain"
-        material, texture = f"{word}.mtl", f"{word}_colour.png"
+        material, texture = f"{word}.mtl", f"{word}_color.png"
         textured = surface if self.texture and isinstance(surface, Heightfield) else None
         with staged_folder(path.parent) as stage, ThreadPoolExecutor(1) as worker:
             writable_target(path)
             drawn = None
             if textured is not None:
-                drawn = worker.submit(self._draw, textured, stage / texture)
+                drawn = worker.submit(_draw, textured, run.sea_level, stage / texture)
             with open(stage / path.name, "wb") as stream:
                 stream.write(self._header(surface, word, material, run))
-                for block in self._blocks(surface):
+                for block in self._blocks(surface, run.sea_level):
                     run.check()
                     stream.write(block)
             described = _material(texture if textured else None)
@@ -95,9 +89,6 @@ class Obj(Exporter):
                 drawn.result()
         names = [path.name, material, *([texture] if textured else [])]
         return [path.parent / name for name in names]
-
-    def _draw(self, terrain: Heightfield, file: Path) -> None:
-        file.write_bytes(texture_png(colour_texture(terrain, self.sea_level)))
 
     def shift(self, surface: Heightfield | TriMesh) -> tuple[float, float]:
         """Return what is taken off world x and y, metres."""
@@ -128,8 +119,10 @@ class Obj(Exporter):
         text = "\n".join(" ".join(line.split()) for line in lines)
         return text.encode("utf-8", "replace") + b"\n"
 
-    def _blocks(self, surface: Heightfield | TriMesh) -> Iterator[bytes]:
-        return self._grid(surface) if isinstance(surface, Heightfield) else self._mesh(surface)
+    def _blocks(self, surface: Heightfield | TriMesh, sea_level: float | None) -> Iterator[bytes]:
+        if isinstance(surface, Heightfield):
+            return self._grid(surface)
+        return self._mesh(surface, sea_level)
 
     def _grid(self, terrain: Heightfield) -> Iterator[bytes]:
         rows, cols = terrain.shape
@@ -182,9 +175,9 @@ class Obj(Exporter):
                 [b"f", north_west, south_west, south_east, north_east, b"\n"],
             )
 
-    def _mesh(self, mesh: TriMesh) -> Iterator[bytes]:
+    def _mesh(self, mesh: TriMesh, sea_level: float | None) -> Iterator[bytes]:
         shift = np.array((*self.shift(mesh), 0.0))
-        colours = linear_color(mesh, self.sea_level) if self.texture else None
+        colours = linear_color(mesh, sea_level) if self.texture else None
         for first in range(0, len(mesh.vertices), BLOCK):
             x, y, z = (mesh.vertices[first : first + BLOCK] - shift).T
             places = (x, z, -y) if self.up == "y" else (x, y, z)
@@ -249,3 +242,7 @@ def _fraction(numerator: NDArray[np.integer], denominator: int) -> Bytes:
     share = np.round(np.asarray(numerator, np.float64) / denominator, 7)
     words = [b"%.7g" % value for value in share.tolist()]
     return np.array(words, dtype="S10").view(np.uint8).reshape(len(words), 10)
+
+
+def _draw(terrain: Heightfield, sea_level: float | None, file: Path) -> None:
+    file.write_bytes(png_bytes(texture_picture(terrain, sea_level)))

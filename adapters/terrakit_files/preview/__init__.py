@@ -43,7 +43,7 @@ class Preview(Exporter):
         "hypsometric", "Tints by height, or the ground's own colour where it has albedo layers."
     )
     sea_level: float | None = parameter(
-        0.0, "Height of the water in tints by height; none: no water.", unit="m"
+        None, "Height of the water in tints by height; without it that of the recipe.", unit="m"
     )
     azimuth: float = parameter(
         315.0, "Where the light comes from, clockwise from north.", unit="deg", ge=0.0, le=360.0
@@ -71,13 +71,13 @@ class Preview(Exporter):
         kind = FORMATS.get(path.suffix.lower())
         if kind is None:
             raise OutputError(f"{path.name}: no picture; use {', '.join(FORMATS)}")
-        picture = self.draw(surface)
+        picture = self.draw(surface, run.sea_level)
         run.check()
         content = _small_png(picture, self.max_kilobytes * 1000) if kind == "PNG" else None
         return [write_bytes(path, content or _encoded(picture, kind))]
 
-    def draw(self, terrain: Heightfield) -> Image:
-        """Return the picture."""
+    def draw(self, terrain: Heightfield, sea_level: float | None = None) -> Image:
+        """Return the picture; ``sea_level`` (m) counts where the parameter is not given."""
         from PIL import Image as Images
 
         from terrakit.color import linear_color
@@ -92,13 +92,13 @@ class Preview(Exporter):
                 )
             colours = linear_color(terrain)
 
-        # Shade at up to twice the size of the picture: half of the smoothing is done in heights.
-        step = max(1, max(terrain.shape) // (2 * self.width))
+        # Shade near the size of the picture, so that large terrains cost no more than small ones.
+        step = max(1, max(terrain.shape) // self.width)
         height = _block_means(terrain.elevation, step)
         relief = relief_image(
             height,
             terrain.spacing * step,
-            self.sea_level,
+            sea_level if self.sea_level is None else self.sea_level,
             self.azimuth,
             self.altitude,
             self.exaggeration,
@@ -123,15 +123,18 @@ def _small_png(picture: Image, limit: int) -> bytes:
             content = _encoded(_at_most(picture, round(longest * share)).point(levels * 3), "PNG")
             if len(content) <= limit:
                 return content
-    for share in (1.0, 0.75, 0.5, 0.375, 0.25, 0.125):
-        if len(content) <= limit:
-            break
+    if len(content) <= limit:
+        return content
+    sample = picture.resize((256, 256), Images.Resampling.NEAREST)
+    palette = sample.quantize(256, method=Images.Quantize.MEDIANCUT, kmeans=1)
+    share = 1.0
+    while True:
         smaller = _at_most(picture, max(16, round(longest * share)))
-        few = smaller.quantize(
-            256, method=Images.Quantize.MEDIANCUT, kmeans=1, dither=Images.Dither.NONE
-        )
+        few = smaller.quantize(palette=palette, dither=Images.Dither.NONE)
         content = _encoded(few, "PNG")
-    return content
+        if len(content) <= limit or share < 0.05:
+            return content
+        share *= min(0.95, (limit / len(content)) ** 0.5)
 
 
 def _encoded(picture: Image, kind: str) -> bytes:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -16,6 +15,7 @@ from terrakit.errors import InputError
 from terrakit.heightfield import Grid, Heightfield
 from terrakit.operators import Exporter
 from terrakit.parameters import parameter
+from terrakit.provenance import terrakit_version
 from terrakit_unity.unity_raw.alphamaps import CHANNELS, bytes_of, cell_weights, splat_png
 from terrakit_unity.unity_raw.sidecar import Scale, Splat, sidecar
 
@@ -97,7 +97,7 @@ class UnityRaw(Exporter):
             (west, north - height),
             splats,
             self.tile_size,
-            {"terrakit": _version(), "seed": str(run.seed), "crs": surface.crs or ""},
+            {"terrakit": terrakit_version(), "seed": str(run.seed), "crs": surface.crs or ""},
         )
         with staged_folder(path.parent) as stage:
             writable_target(path)
@@ -163,10 +163,3 @@ def _nearest_side(samples: int) -> int:
     gaps = [(abs(side - samples), -side, side) for side in SIDES]
     nearest: int = min(gaps)[2]
     return nearest
-
-
-def _version() -> str:
-    try:
-        return version("terrakit")
-    except PackageNotFoundError:
-        return "unknown"

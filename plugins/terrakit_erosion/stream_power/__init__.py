@@ -57,6 +57,7 @@ class StreamPower(Erosion):
     fields = 40
     idle: ClassVar = {"duration": 0.0}
     turning: ClassVar = {"routing": "d8"}
+    trial: ClassVar = {"duration": 1e5}
 
     duration: float = parameter(1e6, "Years that pass.", unit="yr", ge=0, le=1e10)
     uplift_rate: Maskable = parameter(

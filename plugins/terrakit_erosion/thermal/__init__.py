@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from terrakit.errors import ParameterError
 from terrakit.heightfield import Heightfield
 from terrakit.mesh import TriMesh
 from terrakit.operators import Erosion
-from terrakit.parameters import Maskable, parameter
+from terrakit.parameters import Maskable, Schedule, parameter
 from terrakit.quanta import Quanta
 from terrakit.running import Run
 
@@ -99,7 +100,7 @@ class Thermal(Erosion):
         sweeps, share = self._sweeps(surface.spacing)
         quanta = Quanta.fitting(surface.elevation, surface.spacing)
         start = quanta.count(surface.elevation)
-        talus = self._talus(surface, quanta)
+        talus = self._talus(surface, quanta, sweeps)
         if run.device is None:
             end, exported = self._reference(start, talus, sweeps, share, run)
         else:
@@ -133,16 +134,39 @@ class Thermal(Erosion):
             )
         return sweeps, (spread / sweeps if flux and sweeps else share)
 
-    def _talus(self, surface: Heightfield, quanta: Quanta) -> NDArray[np.int32]:
-        """Return the difference to an axial neighbour that stays put, in quanta."""
-        angle = np.asarray(self.value("talus_angle", surface), dtype=np.float64)
-        rise = np.tan(np.radians(angle)) * surface.spacing / quanta.quantum
-        return np.minimum(np.rint(rise), 2**29).astype(np.int32)
+    def slopes(
+        self, surface: Heightfield | TriMesh, sweeps: int
+    ) -> Callable[[int], NDArray[np.float64]]:
+        """Return what gives the tangent of the talus angle in each sweep."""
+
+        def at(sweep: int) -> NDArray[np.float64]:
+            angle = self.value("talus_angle", surface, sweep / sweeps if sweeps else 0.0)
+            return np.asarray(np.tan(np.radians(np.asarray(angle, dtype=np.float64))))
+
+        if isinstance(self.talus_angle, Schedule):
+            return at
+        constant = at(0)
+        return lambda sweep: constant
+
+    def _talus(
+        self, surface: Heightfield, quanta: Quanta, sweeps: int
+    ) -> Callable[[int], NDArray[np.int32]]:
+        """Return what gives the difference to an axial neighbour that stays put, in quanta."""
+        slopes = self.slopes(surface, sweeps)
+
+        def at(sweep: int) -> NDArray[np.int32]:
+            rise = slopes(sweep) * surface.spacing / quanta.quantum
+            return np.minimum(np.rint(rise), 2**29).astype(np.int32)
+
+        if isinstance(self.talus_angle, Schedule):
+            return at
+        constant = at(0)
+        return lambda sweep: constant
 
     def _reference(
         self,
         start: NDArray[np.int32],
-        talus: NDArray[np.int32],
+        talus: Callable[[int], NDArray[np.int32]],
         sweeps: int,
         share: float,
         run: Run,
@@ -152,34 +176,39 @@ class Thermal(Erosion):
         exported = np.zeros_like(start)
         open_border = exported if self.border == "open" else None
         height = start
-        for _ in run.steps(sweeps):
+        for sweep in run.steps(sweeps):
+            limit = talus(sweep)
             if self.scheme == "flux":
-                height = reference.relax(height, talus, share * 2 / 3, share / 6, open_border)
+                height = reference.relax(height, limit, share * 2 / 3, share / 6, open_border)
             else:
-                height = reference.share_out(height, talus, share)
+                height = reference.share_out(height, limit, share)
         return height, exported
 
     def _opencl(
         self,
         start: NDArray[np.int32],
-        talus: NDArray[np.int32],
+        talus: Callable[[int], NDArray[np.int32]],
         sweeps: int,
         share: float,
         run: Run,
     ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         device = run.device
         assert device is not None
+        first = talus(0)
         program = device.program(
-            __file__, "thermal.cl", {"THERMAL_TALUS_FIELD": 1} if talus.ndim else None
+            __file__, "thermal.cl", {"THERMAL_TALUS_FIELD": 1} if first.ndim else None
         )
         rows, cols = start.shape
         size = np.int32(rows), np.int32(cols)
         height, result = device.upload(start), device.empty(start.shape, np.int32)
-        limit = device.upload(np.atleast_1d(talus))
+        limit = device.upload(np.atleast_1d(first))
+        scheduled = isinstance(self.talus_angle, Schedule)
         if self.scheme == "flux":
             exported = device.zeros(start.shape if self.border == "open" else 1, np.int32)
             shares = np.float32(share * 2 / 3), np.float32(share / 6)
-            for _ in run.steps(sweeps):
+            for sweep in run.steps(sweeps):
+                if scheduled:
+                    limit = device.upload(np.atleast_1d(talus(sweep)))
                 program.launch(
                     "thermal_relax",
                     (rows,) if device.is_cpu else start.shape,
@@ -192,7 +221,9 @@ class Thermal(Erosion):
             left = exported.download() if self.border == "open" else np.zeros_like(start)
             return height.download(), left
         weight = device.empty(start.shape)
-        for _ in run.steps(sweeps):
+        for sweep in run.steps(sweeps):
+            if scheduled:
+                limit = device.upload(np.atleast_1d(talus(sweep)))
             program.launch(
                 "thermal_weigh", start.shape, height, weight, limit, np.float32(share), *size
             )

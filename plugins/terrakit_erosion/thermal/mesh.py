@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from terrakit.errors import InputError, ParameterError
 from terrakit.mesh import TriMesh
+from terrakit.parameters import Schedule
 from terrakit.quanta import Quanta
 from terrakit.running import Run
 from terrakit_erosion.thermal import reference
@@ -52,20 +54,25 @@ def erode_mesh(thermal: Thermal, mesh: TriMesh, run: Run) -> TriMesh:
     conductance = share * both * ratio * (quanta.quantum / volume_quantum)
 
     start = quanta.count_exactly(mesh.heights)
-    slope = np.tan(np.radians(np.asarray(thermal.value("talus_angle", mesh), dtype=np.float64)))
+    sweeps = thermal.iterations
+    if sweeps is None:
+        sweeps = math.ceil(4 * thermal.distance**2 / (share * typical))
+    tangents = thermal.slopes(mesh, sweeps)
+
+    def slope(sweep: int) -> np.ndarray:
+        return np.broadcast_to(tangents(sweep), area.shape).astype(np.float32)
+
     arrays = {
         "base": start,
-        "slope": np.broadcast_to(slope, area.shape).astype(np.float32),
+        "slope": slope(0),
         "length": (graph.length / quanta.quantum).astype(np.float32),
         "conductance": conductance.astype(np.float32),
         "height_a_volume": np.where(
             solid, volume_quantum / np.maximum(area, 1e-300) / quanta.quantum, 0.0
         ).astype(np.float32),
     }
-    sweeps = thermal.iterations
-    if sweeps is None:
-        sweeps = math.ceil(4 * thermal.distance**2 / (share * typical))
-    volume = _relaxed(arrays, mesh, sweeps, run)
+    scheduled = slope if isinstance(thermal.talus_angle, Schedule) else None
+    volume = _relaxed(arrays, mesh, sweeps, run, scheduled)
 
     gained = np.where(solid, volume * volume_quantum / np.maximum(area, 1e-300), 0.0)
     run.ledger.open("rock", mesh.volume)
@@ -80,18 +87,24 @@ def erode_mesh(thermal: Thermal, mesh: TriMesh, run: Run) -> TriMesh:
     )
 
 
-def _relaxed(arrays: dict[str, np.ndarray], mesh: TriMesh, sweeps: int, run: Run) -> np.ndarray:
+def _relaxed(
+    arrays: dict[str, np.ndarray],
+    mesh: TriMesh,
+    sweeps: int,
+    run: Run,
+    scheduled: Callable[[int], np.ndarray] | None,
+) -> np.ndarray:
     """Return the volume that every vertex gained, in quanta of volume."""
     graph, count = mesh.graph, len(mesh.vertices)
     height, volume = arrays["base"], np.zeros(count, dtype=np.int64)
     device = run.device
     if device is None:
-        for _ in run.steps(sweeps):
+        for sweep in run.steps(sweeps):
             height, volume = reference.relax_mesh(
                 height,
                 volume,
                 arrays["base"],
-                arrays["slope"],
+                scheduled(sweep) if scheduled else arrays["slope"],
                 graph,
                 arrays["length"],
                 arrays["conductance"],
@@ -104,7 +117,9 @@ def _relaxed(arrays: dict[str, np.ndarray], mesh: TriMesh, sweeps: int, run: Run
     start, neighbor = device.upload(graph.start), device.upload(graph.neighbor)
     now, after = device.copy(base), device.empty(count, np.int32)
     gained = device.upload(volume)
-    for _ in run.steps(sweeps):
+    for sweep in run.steps(sweeps):
+        if scheduled:
+            slope = device.upload(scheduled(sweep))
         program.launch(
             "thermal_relax_mesh",
             count,

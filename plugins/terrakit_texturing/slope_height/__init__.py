@@ -17,6 +17,8 @@ from terrakit.running import Run
 
 F = np.float32
 Field = NDArray[np.float32]
+FINE = 2**20
+"""Parts of a sample to which an origin between samples is rounded."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class Material:
 
 
 MATERIALS = (
-    Material("grass", (0.045, 0.065, 0.018), (0.110, 0.125, 0.038)),
+    Material("grass", (0.036, 0.050, 0.018), (0.095, 0.104, 0.042)),
     Material("rock", (0.110, 0.100, 0.090), (0.270, 0.250, 0.225)),
     Material("scree", (0.190, 0.175, 0.150), (0.330, 0.305, 0.265)),
     Material("sand", (0.420, 0.340, 0.210), (0.560, 0.470, 0.310)),
@@ -57,6 +59,7 @@ class SlopeHeight(Texture):
     cites = ("Ebert, Musgrave, Peachey, Perlin & Worley 2003",)
     fields = 16
     locality = "stencil"
+    turning: ClassVar = {"variation": 0.0}
 
     rock_slope: Maskable = parameter(
         36.0, "Slope at which grass has given way to rock.", unit="deg", ge=0, lt=90
@@ -151,8 +154,8 @@ class SlopeHeight(Texture):
         """Return value noise of three octaves within -1 to 1, fixed in the world."""
         rows, cols = surface.shape
         x0, y0 = surface.origin
-        x = x0 + np.arange(cols) * surface.spacing
-        y = y0 - np.arange(rows) * surface.spacing
+        x = _along(x0, surface.spacing, np.arange(cols))
+        y = _along(y0, surface.spacing, -np.arange(rows))
         total = np.zeros(surface.shape, dtype=F)
         size, share = self.grain, F(0.5)
         for octave in range(3):
@@ -161,6 +164,12 @@ class SlopeHeight(Texture):
             total += share * _value_noise(x / size, y / size, words)
             size, share = size * 0.43, share * F(0.6)
         return total
+
+
+def _along(first: float, spacing: float, steps: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return world coordinates that depend on the sample alone, not on where its tile begins."""
+    whole = round(first / spacing * FINE)
+    return (whole + steps * FINE) * (spacing / FINE)
 
 
 def _value_noise(x: NDArray[np.float64], y: NDArray[np.float64], seed: tuple[int, int]) -> Field:
