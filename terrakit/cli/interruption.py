@@ -1,15 +1,17 @@
 """Ctrl-C and SIGTERM: one line, nothing left behind, and the end within three seconds.
 
-The first signal asks the current work to stop; where nothing asks back, KeyboardInterrupt is raised
-in the main thread. Work that neither answers nor returns (a library that swallows the exception,
-or stays in C) is given up by a watchdog, which removes the temporary files and ends the process.
-A second signal ends it at once.
+Python runs signal handlers in the main thread only, between two of its instructions: never while a
+library works in C, and not before a sleep ends that began just after the signal. So signals wake a
+thread as well. The current work is asked to stop; where nothing asks back, KeyboardInterrupt is
+raised in the main thread; and work that neither answers nor returns is given up: the thread removes
+the temporary files and ends the process. A second signal ends it at once.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import select
 import signal
 import sys
 import threading
@@ -17,6 +19,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any, NoReturn
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 PATIENCE_SECONDS = 0.8
 """How long work may take to stop by itself before KeyboardInterrupt is raised in it."""
 LAST_SECONDS = 2.2
@@ -30,7 +33,6 @@ class Interruption:
 
     def __init__(self) -> None:
         self._signal = 0
-        self._arrived_at = 0.0
         self._insists = False
         self._cancel: Callable[[], None] | None = None
         self._said = False
@@ -42,7 +44,13 @@ class Interruption:
 
     def install(self) -> None:
         """Take over Ctrl-C and SIGTERM, unless the parent had them ignored."""
-        for number in (signal.SIGINT, signal.SIGTERM):
+        inlet, outlet = os.pipe()
+        os.set_blocking(outlet, False)
+        signal.set_wakeup_fd(outlet, warn_on_full_buffer=False)
+        if hasattr(os, "register_at_fork"):  # what a child is sent is not for its parent
+            os.register_at_fork(after_in_child=lambda: signal.set_wakeup_fd(-1))
+        threading.Thread(target=self._watch, args=(inlet,), daemon=True).start()
+        for number in SIGNALS:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, self._arrived)
         sys.unraisablehook = _unraisable
@@ -66,30 +74,35 @@ class Interruption:
         self._leave()
 
     def _arrived(self, number: int, frame: Any) -> None:
+        """Stop the main thread, which is where Python calls this."""
         del frame
-        now = time.monotonic()
-        if self._insists:
+        self._signal = self._signal or number
+        if self._cancel is None or self._insists:
             self._insists = False
             raise KeyboardInterrupt
-        if self._signal:
-            if now - self._arrived_at > ECHO_SECONDS:
-                self._leave()
-            return
-        self._signal, self._arrived_at = number, now
-        threading.Thread(target=self._watch, daemon=True).start()
-        if self._cancel is None:
-            raise KeyboardInterrupt
-        self._cancel()
 
-    def _watch(self) -> None:
-        """Insist, then end the process."""
-        import _thread
-
-        time.sleep(PATIENCE_SECONDS)
+    def _watch(self, inlet: int) -> None:
+        """Wait for a signal; then cancel, insist, and at last end the process."""
+        while (number := os.read(inlet, 1)[0]) not in SIGNALS:
+            pass
+        self._signal = self._signal or number
+        began = time.monotonic()
+        if self._cancel is not None:
+            self._cancel()
+        self._wait(inlet, began + PATIENCE_SECONDS)
         self._insists = True
-        _thread.interrupt_main()
-        time.sleep(LAST_SECONDS - PATIENCE_SECONDS)
+        _wake_main_thread()
+        self._wait(inlet, began + LAST_SECONDS)
         self._leave()
+
+    def _wait(self, inlet: int, until: float) -> None:
+        """Wait until a time, or end the process if another signal comes."""
+        time.sleep(ECHO_SECONDS)
+        while select.select([inlet], [], [], 0)[0]:
+            os.read(inlet, 1)
+        while (left := until - time.monotonic()) > 0:
+            if select.select([inlet], [], [], left)[0] and os.read(inlet, 1)[0] in SIGNALS:
+                self._leave()
 
     def _leave(self) -> NoReturn:
         self._say()
@@ -105,6 +118,16 @@ class Interruption:
             self._said = True
             with contextlib.suppress(OSError):
                 os.write(2, b"terrakit: interrupted; no half-written file is left\n")
+
+
+def _wake_main_thread() -> None:
+    """Interrupt the main thread, also in a system call."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+    else:
+        import _thread
+
+        _thread.interrupt_main()
 
 
 def _unraisable(problem: Any) -> None:

@@ -178,14 +178,40 @@ class Device:
             If the source does not build; the message names the file and line.
         """
         path = Path(anchor).with_name(file)
+        return self._program(path.name, path, defines)
+
+    def program_from_source(
+        self, name: str, source: str, defines: Mapping[str, object] | None = None
+    ) -> Program:
+        """Return the built program of a source text, for plugins that are one file.
+
+        Parameters
+        ----------
+        name
+            What messages call it.
+        source
+            The kernels; ``exact.cl`` is put before them.
+        defines
+            Preprocessor definitions; each combination is built once.
+
+        Raises
+        ------
+        KernelError
+            If the source does not build; the message names the line.
+        """
+        return self._program(name, source, defines)
+
+    def _program(
+        self, name: str, source: Path | str, defines: Mapping[str, object] | None
+    ) -> Program:
         options = tuple(f"-D{key}={value}" for key, value in sorted((defines or {}).items()))
         opened = self._checked()
         with opened.lock:
-            program = opened.programs.get((path, options))
+            program = opened.programs.get((source, options))
             if program is None:
-                built = opened.build(path, options)
-                program = opened.programs[path, options] = built
-        return Program(self, path.stem, program)
+                text = source if isinstance(source, str) else source.read_text("utf-8")
+                program = opened.programs[source, options] = opened.build(name, text, options)
+        return Program(self, name.removesuffix(".cl"), program)
 
     def _checked(self) -> _Opened:
         if os.getpid() != self._opened.pid:
@@ -286,7 +312,7 @@ class _Opened:
         self.info = info
         self.pid = os.getpid()
         self.lock = threading.RLock()
-        self.programs: dict[tuple[Path, tuple[str, ...]], _Built] = {}
+        self.programs: dict[tuple[Path | str, tuple[str, ...]], _Built] = {}
         try:
             self.context = cl.Context([_find(info)])
             self.queue = cl.CommandQueue(self.context)
@@ -310,7 +336,7 @@ class _Opened:
                 f"({error}); use fewer samples or --device numpy"
             ) from error
 
-    def build(self, path: Path, options: tuple[str, ...]) -> _Built:
+    def build(self, name: str, text: str, options: tuple[str, ...]) -> _Built:
         import pyopencl as cl
 
         flags = ["-cl-std=CL1.2", "-w", *options]
@@ -318,28 +344,27 @@ class _Opened:
             flags.append("-cl-fp32-correctly-rounded-divide-sqrt")
         if self.info.kind == "cpu":
             flags.append("-DTERRAKIT_CPU=1")
-        source = "".join(
-            f'#line 1 "{part.name}"\n{part.read_text("utf-8")}\n' for part in (SHARED_SOURCE, path)
-        )
+        shared = SHARED_SOURCE.read_text("utf-8")
+        source = f'#line 1 "{SHARED_SOURCE.name}"\n{shared}\n#line 1 "{name}"\n{text}\n'
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
                 program = cl.Program(self.context, source).build(options=flags)
             except cl.RuntimeError as error:
-                raise self._build_failure(path, str(error)) from None
+                raise self._build_failure(name, str(error)) from None
         self._unsealed = True
         return _Built(program)
 
-    def _build_failure(self, path: Path, log: str) -> KernelError:
+    def _build_failure(self, name: str, log: str) -> KernelError:
         lines = [line.strip() for line in log.splitlines() if line.strip()]
         first = next((line for line in lines if re.search(r"\berror\b", line)), lines[0])
-        kept = self.cache / f"terrakit-build-{path.stem}.log"
+        kept = self.cache / f"terrakit-build-{name.removesuffix('.cl')}.log"
         try:
             kept.write_text(log)
             where = f"; the whole log: {kept}"
         except OSError:
             where = ""
-        return KernelError(f"{path.name} does not build on {self.info.label}: {first[:300]}{where}")
+        return KernelError(f"{name} does not build on {self.info.label}: {first[:300]}{where}")
 
     def slice_rows(self, name: str, items_a_row: int, rows: int) -> int:
         """Return how many rows of work may be launched in one go."""

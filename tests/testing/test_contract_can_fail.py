@@ -325,7 +325,7 @@ BROKEN: list[tuple[type[Operator], set[str]]] = [
 
 CONSEQUENCES: dict[type[Operator], set[str]] = {
     # The scribbles reach the result, which shares the layer, but not in the other process
-    Mutates: {"same_bytes_in_another_process"},
+    Mutates: {"same_bytes_in_another_process", "turning_turns_the_result"},
     # What it books is wrong on every terrain, however it is measured
     Loses: {
         "ledger_agrees_with_the_surface",

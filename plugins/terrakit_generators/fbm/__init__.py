@@ -90,7 +90,7 @@ class Fbm(Generator):
         result = device.empty(grid.shape)
         device.program(__file__, "fbm.cl").launch(
             "fbm_sum",
-            grid.shape,
+            (rows,) if device.is_cpu else grid.shape,
             result,
             device.upload(lattice),
             device.upload(weight),
@@ -99,6 +99,7 @@ class Fbm(Generator):
             np.float32(self.offset),
             np.int32(rows),
             np.int32(cols),
+            local=(4,) if device.is_cpu else None,
         )
         device.finish()
         return Heightfield.on_grid(grid, result)
