@@ -117,8 +117,8 @@ def layers_page(operators: list[type[Operator]]) -> str:
         "",
         _generated(),
         "",
-        "A layer is a float32 field of the terrain's own shape. A name that ends in `_` is a family:",
-        "`material_` stands for `material_grass`, `material_rock` and so on.",
+        "A layer is a float32 field of the terrain's own shape. A name that ends in `_` is a",
+        "family: `material_` stands for `material_grass`, `material_rock` and so on.",
         "",
         "| layer | unit | meaning | written by | read or used by |",
         "|---|---|---|---|---|",
@@ -126,9 +126,8 @@ def layers_page(operators: list[type[Operator]]) -> str:
     for kind in VOCABULARY.values():
         written = [o for o in operators if any(_belongs(n, kind.name) for n in o.writes)]
         taken = [o for o in operators if any(_belongs(n, kind.name) for n in (*o.reads, *o.uses))]
-        lines.append(
-            f"| `{kind.name}` | {kind.unit} | {kind.meaning} | {_links(written)} | {_links(taken)} |"
-        )
+        cells = (f"`{kind.name}`", kind.unit, kind.meaning, _links(written), _links(taken))
+        lines.append(f"| {' | '.join(cells)} |")
     return _page(lines)
 
 

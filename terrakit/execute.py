@@ -199,9 +199,12 @@ def _check_surface(operator: Operator, subject: Any, result: Any) -> None:
         if isinstance(subject, Heightfield) and layer is not None:
             if layer is subject.layers.get(name):
                 continue
-        elif isinstance(subject, TriMesh) and name in subject:
-            if result.layer(name) is subject.layer(name):
-                continue
+        elif (
+            isinstance(subject, TriMesh)
+            and name in subject
+            and result.layer(name) is subject.layer(name)
+        ):
+            continue
         if isinstance(operator, (Generator, Erosion, Texture)) and not covers(
             operator.writes, name
         ):

@@ -101,7 +101,7 @@ class Operator(BaseModel):
     def value(
         self, parameter: str, surface: Surface, fraction: float = 0.0
     ) -> float | NDArray[np.float32]:
-        """Return what a maskable parameter is now: one number, or a field of the surface's shape."""
+        """Return what a maskable parameter is now: a number, or a field of the surface's shape."""
         return resolve(self, parameter, surface, fraction)
 
     def reach(self, spacing: float) -> int | None:
@@ -212,6 +212,8 @@ class Exporter(Operator):
     reads: ClassVar[tuple[str, ...]] = ("elevation",)
     suffix: ClassVar[str] = ""
     """Extension of the main file, with the dot."""
+    suffixes: ClassVar[tuple[str, ...]] = ()
+    """Further extensions that it writes."""
     bytes_a_sample: ClassVar[float] = 16.0
     """About how much it writes, for the check of the disk before a run."""
 

@@ -174,7 +174,7 @@ def within(field: FieldInfo, low: float, high: float) -> bool:
 
 
 def check_bounds(name: str, field: FieldInfo, value: Any) -> None:
-    """Raise ValueError if a number, or the ends of a schedule or scaled layer, are out of bounds."""
+    """Raise ValueError if a number, or an end of a schedule or scaled layer, is out of bounds."""
     if isinstance(value, Schedule):
         numbers = value.value
     elif isinstance(value, FromLayer):

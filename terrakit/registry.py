@@ -211,18 +211,16 @@ class Registry:
         try:
             self._manager.register(module, name)
             unknown = [
-                impl.function.__name__
+                attribute
                 for attribute in dir(module)
-                if (impl := _implementation(module, attribute)) is not None
-                and not hasattr(hookspecs, attribute)
+                if _is_hook(module, attribute) and not hasattr(hookspecs, attribute)
             ]
             if unknown:
                 known = [n for n in dir(hookspecs) if n.startswith("terrakit_")]
                 raise TypeError(f"unknown hook '{unknown[0]}'{suggestion(unknown[0], known)}")
             for hook, base in FAMILIES.items():
-                implementation = getattr(module, hook, None)
-                if implementation is not None and _implementation(module, hook) is not None:
-                    for operator in _listed(implementation(), hook):
+                if _is_hook(module, hook):
+                    for operator in _listed(getattr(module, hook)(), hook):
                         check_declaration(operator, base)
                         plugin.operators.append(operator)
         except BaseException:
@@ -269,17 +267,10 @@ def _listed(returned: Any, hook: str) -> list[Any]:
     return list(returned)
 
 
-def _implementation(module: Any, attribute: str) -> Any:
+def _is_hook(module: Any, attribute: str) -> bool:
+    """Return whether the module marks this attribute with ``hookimpl``."""
     value = getattr(module, attribute, None)
-    marked = getattr(value, "terrakit_impl", None) if callable(value) else None
-    if marked is None:
-        return None
-    return _Marked(value)
-
-
-@dataclass(frozen=True)
-class _Marked:
-    function: Any
+    return callable(value) and getattr(value, "terrakit_impl", None) is not None
 
 
 def _reason(error: BaseException) -> str:

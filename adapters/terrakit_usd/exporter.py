@@ -33,6 +33,7 @@ class Usd(Exporter):
     uses: ClassVar[tuple[str, ...]] = ALBEDO
     fields: ClassVar[int] = 40
     suffix: ClassVar[str] = ".usdc"
+    suffixes: ClassVar[tuple[str, ...]] = SUFFIXES
 
     up: Literal["z", "y"] = parameter("z", "Axis that points up in the stage.")
     layers: list[str] | None = parameter(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from terrakit.operators import Surface
 
 
-@options.command("analyze")
+@options.command("analyze", cls=options.ImportingCommand)
 @click.argument("source", metavar="FILE")
 @options.set_option(
     "--set",

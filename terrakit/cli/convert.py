@@ -13,7 +13,7 @@ from terrakit.cli.messages import Settings, shown
 from terrakit.cli.progress import Reporter
 
 
-@options.command("convert")
+@options.command("convert", cls=options.ImportingCommand)
 @click.argument("source", metavar="IN")
 @click.argument("target", metavar="OUT")
 @options.import_option

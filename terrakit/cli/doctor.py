@@ -21,7 +21,9 @@ CHECK_SPACING = 30.0
 
 
 @options.command("doctor")
-@click.option("--clear-cache", is_flag=True, help="Delete compiled kernels and earlier results.")
+@click.option(
+    "--clear-cache", is_flag=True, help="Only delete compiled kernels and earlier results."
+)
 @options.device_option
 @options.json_option
 def command(clear_cache: bool, device: str | None, as_json: bool) -> int:
@@ -34,9 +36,13 @@ def command(clear_cache: bool, device: str | None, as_json: bool) -> int:
     from terrakit.results import ResultCache
 
     results = ResultCache()
-    cleared: list[str] = []
     if clear_cache:
         cleared = [str(kernel_cache.clear()), str(results.clear())]
+        if as_json:
+            write_json({"cleared": cleared})
+        else:
+            click.echo("\n".join(f"cleared  {folder}" for folder in cleared))
+        return 0
     found = discover()
     chosen = choose_device(device)
     report: dict[str, Any] = {
@@ -63,7 +69,6 @@ def command(clear_cache: bool, device: str | None, as_json: bool) -> int:
                 ("results", results.folder),
             )
         ],
-        "cleared": cleared,
         "checks": _checks(chosen),
     }
     if as_json:
@@ -224,8 +229,6 @@ def _write(report: dict[str, Any]) -> None:
         click.echo(f"bandwidth  about {report['bandwidth'] / 1e9:.0f} GB/s")
     for problem in report["problems"]:
         click.echo(f"problem  {problem}")
-    for folder in report["cleared"]:
-        click.echo(f"cleared  {folder}")
     for cache in report["caches"]:
         click.echo(f"cache  {cache['name']}: {cache['folder']}  {cache['bytes'] / 1e6:.1f} MB")
     click.echo("")

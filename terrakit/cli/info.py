@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from terrakit.operators import Surface
 
 
-@options.command("info")
+@options.command("info", cls=options.ImportingCommand)
 @click.argument("file")
 @options.import_option
 @options.json_option

@@ -44,12 +44,13 @@ class Interruption:
 
     def install(self) -> None:
         """Take over Ctrl-C and SIGTERM, unless the parent had them ignored."""
-        inlet, outlet = os.pipe()
-        os.set_blocking(outlet, False)
-        signal.set_wakeup_fd(outlet, warn_on_full_buffer=False)
-        if hasattr(os, "register_at_fork"):  # what a child is sent is not for its parent
+        if os.name == "posix":
+            inlet, outlet = os.pipe()
+            os.set_blocking(outlet, False)
+            signal.set_wakeup_fd(outlet, warn_on_full_buffer=False)
+            # What a forked child is sent is not for its parent
             os.register_at_fork(after_in_child=lambda: signal.set_wakeup_fd(-1))
-        threading.Thread(target=self._watch, args=(inlet,), daemon=True).start()
+            threading.Thread(target=self._watch, args=(inlet,), daemon=True).start()
         for number in SIGNALS:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, self._arrived)
@@ -80,6 +81,7 @@ class Interruption:
         if self._cancel is None or self._insists:
             self._insists = False
             raise KeyboardInterrupt
+        self._cancel()
 
     def _watch(self, inlet: int) -> None:
         """Wait for a signal; then cancel, insist, and at last end the process."""
@@ -91,7 +93,8 @@ class Interruption:
             self._cancel()
         self._wait(inlet, began + PATIENCE_SECONDS)
         self._insists = True
-        _wake_main_thread()
+        # The same signal again, to the main thread, which it reaches in a system call too
+        signal.pthread_kill(threading.main_thread().ident or 0, self._signal)
         self._wait(inlet, began + LAST_SECONDS)
         self._leave()
 
@@ -118,16 +121,6 @@ class Interruption:
             self._said = True
             with contextlib.suppress(OSError):
                 os.write(2, b"terrakit: interrupted; no half-written file is left\n")
-
-
-def _wake_main_thread() -> None:
-    """Interrupt the main thread, also in a system call."""
-    if hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
-    else:
-        import _thread
-
-        _thread.interrupt_main()
 
 
 def _unraisable(problem: Any) -> None:

@@ -21,12 +21,41 @@ def command(name: str, **settings: Any) -> Callable[[Callable[..., Any]], click.
     """Return a decorator for a command that takes the global options too."""
 
     def decorate(function: Callable[..., Any]) -> click.Command:
-        made: click.Command = click.command(name, cls=click.Command, **settings)(
+        made: click.Command = click.command(name, **({"cls": click.Command} | settings))(
             global_options(hidden=True)(function)
         )
         return made
 
     return decorate
+
+
+class ImportingCommand(click.Command):
+    """A command that takes the parameters of whichever importer reads its file as options.
+
+    Which importer that is shows only when the file is read, so an option that the command does
+    not have, such as ``--spacing 30``, is taken for ``--in spacing=30``.
+    """
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the arguments, with unknown options as parameters of the importer."""
+        known = {flag for p in self.get_params(ctx) for flag in (*p.opts, *p.secondary_opts)}
+        collects = "--in" if "--in" in known else "--set"
+        waiting, taken = list(args), []
+        while waiting and waiting[0] != "--":
+            flag, sign, value = (token := waiting.pop(0)).partition("=")
+            if not flag.startswith("--") or flag in known:
+                taken.append(token)
+                if flag in known and not sign and waiting and not self._is_flag(ctx, flag):
+                    taken.append(waiting.pop(0))
+                continue
+            if not sign:
+                value = waiting.pop(0) if waiting and waiting[0][:2] != "--" else "true"
+            taken += [collects, f"{flag[2:].replace('-', '_')}={value}"]
+        return super().parse_args(ctx, taken + waiting)
+
+    def _is_flag(self, ctx: click.Context, flag: str) -> bool:
+        option = next(p for p in self.get_params(ctx) if flag in (*p.opts, *p.secondary_opts))
+        return bool(getattr(option, "is_flag", False) or getattr(option, "count", False))
 
 
 def toml_value(text: str) -> Any:

@@ -12,7 +12,7 @@ from terrakit.cli.files import reader, writer
 from terrakit.cli.messages import Settings, shown
 
 
-@options.command("preview")
+@options.command("preview", cls=options.ImportingCommand)
 @click.argument("source", metavar="FILE")
 @click.argument("target", metavar="[OUT.png]", required=False)
 @options.import_option

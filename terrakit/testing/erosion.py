@@ -102,7 +102,11 @@ def progress_rises_to_one(trial: Trial) -> None:
     """Progress is reported, never falls and ends at 1."""
     for kind, subject in trial.subjects():
         told: list[float] = []
-        run = Run(7, trial.device, on_progress=lambda p, told=told: told.append(p.fraction))
+
+        def note(progress: Progress, told: list[float] = told) -> None:
+            told.append(progress.fraction)
+
+        run = Run(7, trial.device, on_progress=note)
         trial.applied(subject, run=run)
         if not told:
             raise trial.broken(f"reports no progress on a {kind}; loop with run.steps(n)")

@@ -19,7 +19,7 @@ from terrakit.operators import Exporter, Importer
 from terrakit.registry import default_registry
 from terrakit.running import Run
 from terrakit.testing.subjects import CORNERS, compass_terrain, with_layers
-from terrakit.testing.trial import Trial, refusing
+from terrakit.testing.trial import NotApplicable, Trial, refusing
 
 CUTS = 12
 """Places at which a file is cut short."""
@@ -42,8 +42,8 @@ def writes_only_what_it_lists(trial: Trial) -> None:
         with _folder() as folder:
             inside = folder / "out"
             inside.mkdir()
-            (inside / "bystander.txt").write_text("untouched")
-            (folder / "bystander.txt").write_text("untouched")
+            (inside / "bystander.txt").write_text("untouched", encoding="utf-8")
+            (folder / "bystander.txt").write_text("untouched", encoding="utf-8")
             listed = _export(trial, surface, inside)
             if listed[0] != inside / _file_name(trial):
                 raise trial.broken(f"lists {listed[0].name} before the main file of a {kind}")
@@ -52,7 +52,7 @@ def writes_only_what_it_lists(trial: Trial) -> None:
                 odd = sorted(p.name for p in there ^ set(listed))
                 raise trial.broken(f"files written and files listed differ by {', '.join(odd)}")
             for path in (inside, folder):
-                if (path / "bystander.txt").read_text() != "untouched":
+                if (path / "bystander.txt").read_text("utf-8") != "untouched":
                     raise trial.broken("changed a file that is not its own")
 
 
@@ -108,7 +108,8 @@ def corners_come_back(trial: Trial) -> None:
             surface = importer.from_settings({}, path.name).load(path, Run())
         except TerrakitError as error:
             trial.needs(False, f"nothing here reads it back ({error})")
-    trial.needs(isinstance(surface, Heightfield), "comes back as a mesh")
+    if not isinstance(surface, Heightfield):
+        raise NotApplicable(f"{trial.name}: comes back as a mesh")
     check_compass(surface, trial.name)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import threading
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -33,16 +33,11 @@ SEED = 7
 def same_seed_gives_same_bytes(trial: Trial) -> None:
     """Twice here, in another thread and in a spawned process: the same bytes."""
     for kind, _ in trial.subjects():
-        results: dict[str, Any] = {}
-        for when in ("once", "again"):
-            results[when] = trial.applied(_fresh(trial, kind))
-        thread = threading.Thread(
-            target=lambda k=kind: results.update(thread=trial.applied(_fresh(trial, k)))
-        )
-        thread.start()
-        thread.join()
-        for when in ("again", "thread"):
-            gap = difference(results["once"], results[when])
+        once, again = (trial.applied(_fresh(trial, kind)) for _ in range(2))
+        with ThreadPoolExecutor(1) as threads:
+            elsewhere = threads.submit(trial.applied, _fresh(trial, kind)).result()
+        for other in (again, elsewhere):
+            gap = difference(once, other)
             if gap:
                 raise trial.broken(f"same seed, same device, but the second result: {gap}")
 
@@ -102,15 +97,15 @@ def writes_what_it_declares(trial: Trial) -> None:
         result = trial.applied(subject)
         if not isinstance(result, (Heightfield, TriMesh)):
             raise trial.broken(f"returned a {type(result).__name__}, not a terrain")
+        before: Any = subject
         if isinstance(subject, Grid):
-            before: Any = {}
+            before = {}
             if not isinstance(result, Heightfield) or result.grid != subject:
                 raise trial.broken(f"returned a terrain that is not on the grid {subject}")
         else:
-            before = subject
             if type(result) is not type(subject):
                 raise trial.broken(f"turned a {kind} into a {type(result).__name__}")
-            if isinstance(result, Heightfield) and result.grid != subject.grid:
+            if isinstance(result, Heightfield) and result.grid != before.grid:
                 raise trial.broken("changed the grid")
         for name in result:
             if covers(declared, name):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from terrakit.compute import DeviceInfo
 
 
-class ContractBroken(AssertionError):
+class ContractBroken(AssertionError):  # noqa: N818  (reads as the verdict that it is)
     """One sentence: which promise, of which operator, with the value that was measured."""
 
 

@@ -224,6 +224,12 @@ def test_importer_parameters_pass_through(terrakit, terrain):
     np.save(terrakit.folder / "a.npy", np.load(terrain)["elevation"])
     facts = json.loads(terrakit("info", "a.npy", "--in", "spacing=25", "--json").worked().out)
     assert facts["spacing"] == 25
+    for arguments in (["a.npy", "--spacing", "25"], ["--spacing=25", "--json", "a.npy"]):
+        facts = json.loads(terrakit("info", "--json", *arguments).worked().out)
+        assert facts["spacing"] == 25
+    terrakit("analyze", "--spacing", "25", "a.npy").worked()
+    terrakit("convert", "a.npy", "--spacing", "25", "b.npz", "-v").worked()
+    terrakit("info", "a.npy", "--jsn").refused("a.npy", "jsn")
     terrakit("info", "a.npy", "--in", "spacin=25").refused("a.npy", "spacin", "did you mean")
 
 

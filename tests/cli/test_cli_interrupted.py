@@ -88,7 +88,7 @@ SWALLOWS = r"exec('while True:\n try:\n  time.sleep(600)\n except BaseException:
     [
         "time.sleep(600)",
         SWALLOWS,
-        "import ctypes; ctypes.CDLL(None).pause(); ctypes.CDLL(None).sleep(600)",
+        "import hashlib; hashlib.pbkdf2_hmac('sha256', b'a', b'b', 10**10 % 2**31)",
     ],
     ids=["sleeps", "swallows", "is in C"],
 )

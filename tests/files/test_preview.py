@@ -104,7 +104,9 @@ def test_a_notebook_shows_it():
 
 @pytest.mark.parametrize("side", [513, 1025])
 def test_size_on_disk_and_on_screen(tmp_path, side):
-    (path,) = Preview().export(Heightfield(fractal(side), 10.0), tmp_path / "a.png", Run())
+    (path,) = Preview(max_kilobytes=400).export(
+        Heightfield(fractal(side), 10.0), tmp_path / "a.png", Run()
+    )
     assert path.stat().st_size <= 400_000
     with Image.open(path) as picture:
         assert 500 <= max(picture.size) <= 1024
@@ -117,7 +119,7 @@ def test_size_on_disk_and_on_screen(tmp_path, side):
 def test_oblong_terrain_keeps_its_shape(tmp_path):
     terrain = Heightfield(np.zeros((300, 900)), 10.0)
     with pytest.raises(OutputError, match=r"a.gif: no picture; use .png, .webp"):
-        Preview().export(terrain, tmp_path / "a.gif", Run())
+        Preview(max_kilobytes=400).export(terrain, tmp_path / "a.gif", Run())
     for name, kind in (("a.webp", "WEBP"), ("a.jpg", "JPEG"), ("a.PNG", "PNG")):
         (path,) = Preview(width=100).export(terrain, tmp_path / name, Run())
         with Image.open(path) as picture:

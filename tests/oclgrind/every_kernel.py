@@ -12,15 +12,15 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from terrakit_erosion.stream_power import StreamPower
-from terrakit_erosion.thermal import Thermal
-from terrakit_generators.fbm import Fbm
 
 from terrakit import Grid, Heightfield, Run
 from terrakit.compute import DeviceArray
 from terrakit.compute import device as compute_device
 from terrakit.execute import execute
 from terrakit.routing import accumulate, filled, flow_length, outlets, route
+from terrakit_erosion.stream_power import StreamPower
+from terrakit_erosion.thermal import Thermal
+from terrakit_generators.fbm import Fbm
 
 SHAPES = ((3, 3), (16, 16), (17, 5))
 

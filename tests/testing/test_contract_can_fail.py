@@ -386,7 +386,7 @@ class Torn(Exporter):
     def export(self, surface: Heightfield, path: Path, run: Run) -> list[Path]:
         """Write heights and the time."""
         try:
-            (path.parent.parent / "note.txt").write_text("I was here")
+            (path.parent.parent / "note.txt").write_text("I was here", encoding="utf-8")
             with open(path, "wb") as stream:
                 stream.write(f"{time.perf_counter_ns()}".encode())
                 stream.write(surface.elevation.tobytes())

@@ -35,6 +35,7 @@ class Preview(Exporter):
     cites: ClassVar[tuple[str, ...]] = ("Imhof 1982", "Mark 1992", "Kennelly & Stewart 2006")
     suffix: ClassVar[str] = ".png"
     suffixes: ClassVar[tuple[str, ...]] = tuple(FORMATS)
+    suffixes: ClassVar[tuple[str, ...]] = tuple(FORMATS)
     fields: ClassVar[int] = 24
     bytes_a_sample: ClassVar[float] = 2.0
 
@@ -58,7 +59,7 @@ class Preview(Exporter):
         le=1000.0,
     )
     max_kilobytes: int = parameter(
-        400,
+        3000,
         "A PNG beyond this size gets fewer pixels and colours.",
         ge=16,
         le=1_000_000,

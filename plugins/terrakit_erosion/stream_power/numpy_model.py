@@ -21,8 +21,11 @@ class NumpyModel:
         self._received = np.zeros(plan.start.shape, dtype=np.int64)
         self._routing: Routing[NDArray[np.int32]] | None = None
 
-    def step(self) -> None:
-        """Creep for half the time, route and cut, creep for the other half."""
+    def step(self, erodibility: NDArray[np.float32], uplift: NDArray[np.int32]) -> None:
+        """Creep for half the time, route and cut, creep for the other half.
+
+        Erodibility is K times the time step, uplift is in quanta; of every cell or one.
+        """
         plan = self._plan
         self._creep()
         self._routing = self._route()
@@ -32,8 +35,8 @@ class NumpyModel:
             plan.outlet,
             self._height,
             self._incised,
-            plan.erodibility if plan.erodibility.ndim == 2 else plan.erodibility[0],
-            plan.uplift if plan.uplift.ndim == 2 else plan.uplift[0],
+            erodibility,
+            uplift,
             constants,
         )
         self._creep()

@@ -20,9 +20,9 @@ class OpenCLModel:
         self._plan = plan
         self._device = device
         defines = {
-            "POWER_UNIFORM": plan.erodibility.ndim == 1,
-            "UPLIFT_UNIFORM": plan.uplift.ndim == 1,
-            "CREEP_NONLINEAR": plan.shares[3] > 0,
+            "POWER_UNIFORM": plan.one_erodibility,
+            "UPLIFT_UNIFORM": plan.one_uplift,
+            "CREEP_NONLINEAR": plan.shares[2] > 0,
             "SLOPE_LINEAR": plan.exponents[1] == 1.0,
         }
         self._program = device.program(
@@ -33,15 +33,19 @@ class OpenCLModel:
         self._after = device.empty(shape, np.int32)
         self._outlet = device.upload(plan.outlet)
         self._near_outlets = device.upload(_near(plan.outlet))
-        self._erodibility = device.upload(plan.erodibility)
-        self._uplift = device.upload(plan.uplift)
+        self._erodibility: tuple[NDArray[np.float32], DeviceArray] | None = None
         self._incised = device.zeros(shape, np.int64)
         self._received = device.zeros(shape, np.int64)
         self._routing: Routing[DeviceArray] | None = None
 
-    def step(self) -> None:
-        """Creep for half the time, route and cut, creep for the other half."""
+    def step(self, erodibility: NDArray[np.float32], uplift: NDArray[np.int32]) -> None:
+        """Creep for half the time, route and cut, creep for the other half.
+
+        Erodibility is K times the time step, uplift is in quanta; of every cell or one.
+        """
         plan = self._plan
+        if self._erodibility is None or self._erodibility[0] is not erodibility:
+            self._erodibility = erodibility, self._device.upload(erodibility)
         self._creep()
         cols = plan.start.shape[1]
         self._routing = self._route()
@@ -50,7 +54,7 @@ class OpenCLModel:
             self._program,
             "stream_power_incise",
             *(self._routing.area, self._outlet, self._now, self._after, self._incised),
-            *(self._erodibility, self._uplift),
+            *(self._erodibility[1], self._device.upload(uplift)),
             *(np.float32(value) for value in (plan.spacing**2, *plan.exponents, plan.spacing)),
             *(np.float32(plan.quanta.quantum), np.int32(cols)),
         )

@@ -9,7 +9,9 @@ from terrakit.compute import exact
 from terrakit.routing import Routing, reference
 
 F = np.float32
-NEWTON_STEPS = 12
+NEWTON_STEPS = 6
+STEEPEST = F(0.75)
+"""Square of the slope, relative to the critical one, up to which creep grows: to 4 times."""
 Counts = NDArray[np.int32]
 HALF = tuple((dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if (dr, dc) != (0, 0))
 
@@ -43,9 +45,10 @@ def incise(
         Cell area (m2), area exponent, slope exponent, spacing (m), quantum (m).
     """
     cell_area, area_exponent, slope_exponent, spacing, quantum = constants
-    rows, cols = before.shape
+    cols = before.shape[1]
     receiver = routing.receiver.ravel()
     discharge = exact.power(routing.area.ravel().astype(F) * F(cell_area), area_exponent)
+    discharge = np.minimum(discharge, F(1e28))
     strength = np.broadcast_to(erodibility, before.shape).ravel() * discharge
     after = before.ravel() + np.broadcast_to(uplift, before.shape).ravel()
     held = outlet.ravel() != 0
@@ -70,7 +73,7 @@ def diffuse(
     height: Counts,
     outlet: NDArray[np.uint8],
     received: NDArray[np.int64],
-    shares: tuple[float, float, float, float, float],
+    shares: tuple[float, float, float, float],
 ) -> Counts:
     """Return heights after one sweep of hillslope diffusion.
 
@@ -83,11 +86,11 @@ def diffuse(
     received
         What held cells took so far, quanta; added to in place.
     shares
-        Share of the difference that passes to an axial and to a diagonal neighbour, the most that
-        may pass to an axial one, and the slope of one quantum, relative to the critical slope, to
-        an axial and a diagonal neighbour (0 for linear diffusion).
+        Share of the difference that passes to an axial and to a diagonal neighbour, and the slope
+        of one quantum, relative to the critical slope, to an axial and a diagonal neighbour (0 for
+        linear diffusion).
     """
-    axial, diagonal, most, axial_slope, diagonal_slope = shares
+    axial, diagonal, axial_slope, diagonal_slope = shares
     sum_out = np.zeros_like(height)
     held = outlet != 0
     rows, cols = height.shape
@@ -96,12 +99,12 @@ def diffuse(
         there = slice(max(0, dr), rows - max(0, -dr)), slice(max(0, dc), cols - max(0, -dc))
         slanted = dr != 0 and dc != 0
         d = height[here] - height[there]
-        flux = _creep(
-            d,
-            diagonal if slanted else axial,
-            F(0.25) * F(most) if slanted else F(most),
-            diagonal_slope if slanted else axial_slope,
-        )
+        if slanted:
+            flux = _creep(d, F(diagonal), diagonal_slope)
+        else:  # along the border, in place of the diagonal that it lacks, as in a mirror
+            edge = np.zeros((rows, 1) if dr == 0 else (1, cols), dtype=F)
+            edge.flat[[0, -1]] = F(diagonal)
+            flux = _creep(d, F(axial) + edge, axial_slope)
         gives_to_none = (held[here] & (d > 0)) | (held[there] & (d < 0))
         sum_out[here] += np.where(gives_to_none, 0, flux)
     received[held] -= sum_out[held]
@@ -120,18 +123,21 @@ def _left(
         g = strength / length
         return drop - (drop.astype(F) * (g / (F(1) + g))).astype(np.int32)
     n = F(exponent)
-    whole = drop.astype(F) * F(quantum)
-    y = whole
+    whole = drop.astype(F) * F(quantum) / length
+    g = np.minimum(strength / length, F(1e25))
+    # Each of the two terms alone gives an upper bound, the lower of which is close
+    s = exact.power(whole / np.maximum(g, F(1e-20)), F(1) / n)
+    s = np.minimum(np.maximum(s, F(1e-6)), whole)
     for _ in range(NEWTON_STEPS):
-        p = strength * exact.power(y / length, exponent)
-        following = y - (y + p - whole) / (F(1) + n * p / y)
-        y = np.minimum(np.maximum(following, F(0.1) * y), whole)
-    return (y / F(quantum)).astype(np.int32)
+        p = g * exact.power(s, exponent)
+        following = s - (s + p - whole) / (F(1) + n * p / s)
+        s = np.minimum(np.maximum(following, F(0.1) * s), whole)
+    return drop - (drop.astype(F) * ((whole - s) / whole)).astype(np.int32)
 
 
-def _creep(d: Counts, share: float, most: np.float32, slope_of_quantum: float) -> Counts:
+def _creep(d: Counts, share: F | NDArray[F], slope_of_quantum: float) -> Counts:
     if slope_of_quantum <= 0:
-        return (F(share) * d.astype(F)).astype(np.int32)
+        return (share * d.astype(F)).astype(np.int32)
     s = d.astype(F) * F(slope_of_quantum)
-    rate = F(share) / (F(1) - np.minimum(s * s, F(0.95)))
-    return (np.minimum(rate, most) * d.astype(F)).astype(np.int32)
+    rate = share / (F(1) - np.minimum(s * s, STEEPEST))
+    return (rate * d.astype(F)).astype(np.int32)

@@ -4,7 +4,8 @@
 // CREEP_NONLINEAR: creep grows towards a critical slope.
 // SLOPE_LINEAR: the slope exponent is 1, so that each cell is solved without iteration.
 
-#define NEWTON_STEPS 12
+#define NEWTON_STEPS 6
+#define STEEPEST 0.75f
 
 #ifdef POWER_UNIFORM
 #define ERODIBILITY(i) erodibility[0]
@@ -19,7 +20,7 @@
 
 // Height that is left of a drop (quanta) to the receiver after a step of time.
 //   linear:  y (1 + g) = D          with g = K dt a^m / L
-//   else:    y + g (y / L)^n = D    by Newton's method, in metres
+//   else:    s + g s^n = D / L      for the slope s = y / L, by Newton's method
 inline int stream_power_left(
     int drop, float strength, float length, float exponent, float quantum)
 {
@@ -27,15 +28,17 @@ inline int stream_power_left(
     const float g = strength / length;
     return drop - (int)((float)drop * (g / (1.0f + g)));
 #else
-    const float whole = (float)drop * quantum;
-    float y = whole;
+    const float whole = (float)drop * quantum / length;
+    const float g = fmin(strength / length, 1e25f);
+    // Each of the two terms alone gives an upper bound, the lower of which is close
+    float s = exact_power(whole / fmax(g, 1e-20f), 1.0f / exponent);
+    s = fmin(fmax(s, 1e-6f), whole);
     for (int k = 0; k < NEWTON_STEPS; ++k) {
-        const float p = strength * exact_power(y / length, exponent);
-        const float next = y - (y + p - whole) / (1.0f + exponent * p / y);
-        const float least = 0.1f * y;
-        y = next < least ? least : (next > whole ? whole : next);
+        const float p = g * exact_power(s, exponent);
+        const float next = s - (s + p - whole) / (1.0f + exponent * p / s);
+        s = fmin(fmax(next, 0.1f * s), whole);
     }
-    return (int)(y / quantum);
+    return drop - (int)((float)drop * ((whole - s) / whole));
 #endif
 }
 
@@ -71,7 +74,8 @@ __kernel void stream_power_incise(
             if (below != cell && drop > 1) {
                 const int step = cell > below ? cell - below : below - cell;
                 const float length = (step == 1 || step == cols) ? spacing : spacing * 1.41421356f;
-                const float discharge = exact_power((float)area[cell] * cell_area, area_exponent);
+                const float discharge =
+                    fmin(exact_power((float)area[cell] * cell_area, area_exponent), 1e28f);
                 const int left = stream_power_left(
                     drop, ERODIBILITY(cell) * discharge, length, slope_exponent, quantum);
                 const int lowest = base + (left < 1 ? 1 : left);
@@ -88,13 +92,13 @@ __kernel void stream_power_incise(
 
 // Flux to a neighbour by creep; with CREEP_NONLINEAR it grows towards the critical slope
 // (Roering 1999), capped so that the step stays stable.
-inline int stream_power_creep(int d, float share, float most, float slope_of_quantum)
+inline int stream_power_creep(int d, float share, float slope_of_quantum)
 {
 #ifdef CREEP_NONLINEAR
     const float s = (float)d * slope_of_quantum;
     const float square = s * s;
-    const float grown = share / (1.0f - (square < 0.95f ? square : 0.95f));
-    return (int)((grown < most ? grown : most) * (float)d);
+    const float grown = share / (1.0f - (square < STEEPEST ? square : STEEPEST));
+    return (int)(grown * (float)d);
 #else
     return (int)(share * (float)d);
 #endif
@@ -103,8 +107,7 @@ inline int stream_power_creep(int d, float share, float most, float slope_of_qua
 // The sum of what creeps out of any cell; outlets take and never give.
 inline int stream_power_creeping(
     __global const int *height, __global const uchar *outlet, int row, int col,
-    int rows, int cols, float axial, float diagonal, float most, float axial_slope,
-    float diagonal_slope)
+    int rows, int cols, float axial, float diagonal, float axial_slope, float diagonal_slope)
 {
     const int i = row * cols + col;
     int sum = 0;
@@ -116,17 +119,19 @@ inline int stream_power_creeping(
             const int j = r * cols + c;
             const int d = height[i] - height[j];
             if (outlet[d > 0 ? i : j]) continue;
+            // Along the border, in place of the diagonal that it lacks, as in a mirror
+            const int along = (dr == 0 && (row == 0 || row == rows - 1))
+                || (dc == 0 && (col == 0 || col == cols - 1));
             sum += (dr != 0 && dc != 0)
-                ? stream_power_creep(d, diagonal, 0.25f * most, diagonal_slope)
-                : stream_power_creep(d, axial, most, axial_slope);
+                ? stream_power_creep(d, diagonal, diagonal_slope)
+                : stream_power_creep(d, axial + (along ? diagonal : 0.0f), axial_slope);
         }
     }
     return sum;
 }
 
-#define AXIAL(j) stream_power_creep(height[i] - height[j], axial, most, axial_slope)
-#define DIAGONAL(j) \
-    stream_power_creep(height[i] - height[j], diagonal, 0.25f * most, diagonal_slope)
+#define AXIAL(j) stream_power_creep(height[i] - height[j], axial, axial_slope)
+#define DIAGONAL(j) stream_power_creep(height[i] - height[j], diagonal, diagonal_slope)
 
 // One sweep of hillslope diffusion with isotropic weights, as if there were no outlets inside the
 // map: stream_power_mend follows it.
@@ -137,7 +142,6 @@ __kernel void stream_power_diffuse(
     __global long *restrict received,
     const float axial,
     const float diagonal,
-    const float most,
     const float axial_slope,
     const float diagonal_slope,
     const int rows,
@@ -165,7 +169,7 @@ __kernel void stream_power_diffuse(
 #endif
         const int i = row * cols + col;
         const int sum = stream_power_creeping(
-            height, outlet, row, col, rows, cols, axial, diagonal, most, axial_slope,
+            height, outlet, row, col, rows, cols, axial, diagonal, axial_slope,
             diagonal_slope);
         result[i] = outlet[i] ? height[i] : height[i] - sum;
         const int border = row == 0 || row == rows - 1 || col == 0 || col == cols - 1;
@@ -181,7 +185,6 @@ __kernel void stream_power_mend(
     __global long *restrict received,
     const float axial,
     const float diagonal,
-    const float most,
     const float axial_slope,
     const float diagonal_slope,
     const int rows,
@@ -194,7 +197,7 @@ __kernel void stream_power_mend(
     const int i = list[k];
     const int row = i / cols;
     const int sum = stream_power_creeping(
-        height, outlet, row, i - row * cols, rows, cols, axial, diagonal, most, axial_slope,
+        height, outlet, row, i - row * cols, rows, cols, axial, diagonal, axial_slope,
         diagonal_slope);
     result[i] = outlet[i] ? height[i] : height[i] - sum;
     if (outlet[i] && sum) received[i] -= sum;

@@ -25,7 +25,8 @@ class Thermal(Erosion):
 
     Along every edge, the height beyond the talus flows downhill::
 
-        z_i <- z_i - k sum_j c_ij (max(d - T, 0) - max(-d - T, 0)),   d = z_i - z_j, T = L_ij tan phi
+        z_i <- z_i - k sum_j c_ij (max(d - T, 0) - max(-d - T, 0))
+        d = z_i - z_j,   T = L_ij tan(phi)
 
     with isotropic weights on the eight neighbours of a grid (2/3 axial, 1/6 diagonal) and local
     conductances on a mesh. This is diffusion of the excess, so a length says how long it goes on,
@@ -121,7 +122,7 @@ class Thermal(Erosion):
         share = self.relaxation or (0.15 if flux else 0.5)
         if flux and share > 0.3:
             raise ParameterError(
-                f"relaxation = {share:g}: must be 0 < relaxation <= 0.3 for the flux scheme on a grid"
+                f"relaxation = {share:g}: must be 0 < relaxation <= 0.3 for flux on a grid"
             )
         if self.iterations is not None:
             return self.iterations, share
@@ -129,7 +130,7 @@ class Thermal(Erosion):
         sweeps = math.ceil(spread / share)
         if sweeps > 10**6:
             raise ParameterError(
-                f"distance = {self.distance:g}: takes {sweeps} sweeps at a spacing of {spacing:g} m; "
+                f"distance = {self.distance:g}: takes {sweeps} sweeps at {spacing:g} m spacing; "
                 "use a coarser terrain or scheme = 'proportional'"
             )
         return sweeps, (spread / sweeps if flux and sweeps else share)

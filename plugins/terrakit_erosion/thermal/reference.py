@@ -22,7 +22,7 @@ def relax(
     height
         Heights of shape (rows, cols), quanta.
     talus
-        Largest difference to an axial neighbour that stays put, quanta; of shape () or (rows, cols).
+        Largest difference to an axial neighbour that stays put, quanta; () or (rows, cols).
     axial, diagonal
         Share of the excess that an axial and a diagonal neighbour gets.
     exported

@@ -15,7 +15,7 @@ from terrakit.parameters import Seed, parameter
 from terrakit.running import Run, seed_words
 
 TURNS = ((1.0, 0.0), (0.8, 0.6), (5 / 13, 12 / 13), (-8 / 17, 15 / 17), (21 / 29, -20 / 29))
-"""Cosine and sine of each octave's turn in turn: rational, so that no library decides their bits."""
+"""Cosine and sine of each octave's turn: rational, so that no library decides their bits."""
 ONE = 2**32
 """One lattice cell in the fixed point of lattice positions."""
 
