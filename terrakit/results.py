@@ -7,7 +7,6 @@ import io
 import json
 import os
 import shutil
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -39,25 +38,13 @@ class ResultCache:
         """Return the surface and ledger kept under ``key``, or None."""
         path = self._path(key)
         try:
-            with np.load(path, allow_pickle=False) as kept:
+            with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as kept:
                 about = json.loads(str(kept["about"]))
                 arrays = {name: kept[name] for name in kept.files if name != "about"}
             os.utime(path)
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError):
+            return _rebuilt(about, arrays), about["ledger"]
+        except Exception:  # a damaged zip raises anything, from KeyError to SyntaxError
             return None
-        layers = {n.removeprefix("layer_"): a for n, a in arrays.items() if n.startswith("layer_")}
-        if about["type"] == "Heightfield":
-            elevation = layers.pop("elevation")
-            terrain = Heightfield(
-                elevation, about["spacing"], tuple(about["origin"]), about["crs"], layers
-            )
-            return terrain, about["ledger"]
-        polygons = None
-        if "polygon_counts" in arrays:
-            polygons = Polygons(arrays["polygon_counts"], arrays["polygon_indices"])
-        up: Any = about["up"] if isinstance(about["up"], str) else tuple(about["up"])
-        mesh = TriMesh(arrays["vertices"], arrays["faces"], layers, up, polygons)
-        return mesh, about["ledger"]
 
     def store(self, key: str, surface: Surface, ledger: dict[str, Any]) -> None:
         """Keep a surface and the ledger of the step that made it."""
@@ -101,3 +88,17 @@ class ResultCache:
             if held > self.largest:
                 with contextlib.suppress(OSError):
                     os.unlink(path)
+
+
+def _rebuilt(about: dict[str, Any], arrays: dict[str, Any]) -> Surface:
+    layers = {n.removeprefix("layer_"): a for n, a in arrays.items() if n.startswith("layer_")}
+    if about["type"] == "Heightfield":
+        elevation = layers.pop("elevation")
+        return Heightfield(
+            elevation, about["spacing"], tuple(about["origin"]), about["crs"], layers
+        )
+    polygons = None
+    if "polygon_counts" in arrays:
+        polygons = Polygons(arrays["polygon_counts"], arrays["polygon_indices"])
+    up: Any = about["up"] if isinstance(about["up"], str) else tuple(about["up"])
+    return TriMesh(arrays["vertices"], arrays["faces"], layers, up, polygons)

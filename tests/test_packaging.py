@@ -72,4 +72,4 @@ def test_public_name_is_there(name: str) -> None:
 
 
 def test_public_names_are_sorted_as_people_read() -> None:
-    assert terrakit.__all__ == sorted(terrakit.__all__, key=lambda name: (name.lower(), name))
+    assert terrakit.__all__ == sorted(terrakit.__all__, key=str.lower)

@@ -91,7 +91,7 @@ def test_material_shows_the_texture(tmp_path, name):
     nodes = {node.type: node for node in material.node_tree.nodes}
     image = nodes["TEX_IMAGE"].image
     assert image.has_data or image.packed_file or Path(bpy.path.abspath(image.filepath)).exists()
-    assert tuple(image.size) == (COLS, ROWS)
+    assert tuple(image.size) == (COLS - 1, ROWS - 1)  # a pixel a cell
     assert image.colorspace_settings.name == "sRGB"
     assert nodes["TEX_IMAGE"].extension == "EXTEND"
     assert nodes["UVMAP"].uv_map == thing.data.uv_layers[0].name

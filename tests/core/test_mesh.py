@@ -30,16 +30,9 @@ def test_areas_share_the_projected_area_out() -> None:
     mesh = rough_terrain((9, 7), 10.0).to_mesh()
     assert mesh.areas.sum() == pytest.approx(80.0 * 60.0)
     assert mesh.areas.min() > 0
-    tilted = TriMesh(mesh.vertices[:, [2, 0, 1]], mesh.faces, up=(0, 1, 0))
-    assert tilted.areas.sum() == pytest.approx(
-        np.abs(
-            0.5
-            * np.cross(
-                tilted.vertices[tilted.faces[:, 1]] - tilted.vertices[tilted.faces[:, 0]],
-                tilted.vertices[tilted.faces[:, 2]] - tilted.vertices[tilted.faces[:, 0]],
-            )[:, 1].sum()
-        )
-    )
+    tilted = TriMesh(mesh.vertices[:, [2, 0, 1]], mesh.faces, up=(1, 0, 0))
+    assert np.allclose(tilted.areas, mesh.areas)
+    assert np.allclose(tilted.heights, mesh.heights)
 
 
 def test_volume_changes_by_areas_times_lift() -> None:
@@ -77,9 +70,10 @@ def test_widths_are_exact_for_linear_functions() -> None:
     owner = np.repeat(np.arange(len(mesh.vertices)), np.diff(graph.start))
     flow = graph.width / graph.length * (slope[graph.neighbor] - slope[owner])
     net = np.bincount(owner, flow, len(mesh.vertices))
-    clamped = graph.width <= 0.0501 * graph.length
-    assert not clamped.any()
-    assert np.abs(net[~mesh.is_boundary]).max() < 1e-9
+    clamped = np.bincount(owner, graph.width < 0.051 * graph.length, len(mesh.vertices)) > 0
+    exact = ~mesh.is_boundary & ~clamped
+    assert exact.sum() > 12
+    assert np.abs(net[exact]).max() < 1e-9
 
 
 def test_widths_are_positive_on_slivers() -> None:
@@ -112,7 +106,9 @@ def test_polygons_are_cut_in_order_and_kept(sides: int) -> None:
     angle = 2 * np.pi * np.arange(sides) / sides
     points = np.column_stack((np.cos(angle), np.sin(angle), 0 * angle))
     mesh = TriMesh.from_polygons(
-        np.vstack((points, points + [5, 0, 0])), [sides, sides], np.arange(2 * sides)
+        np.vstack((points, points + np.array([5.0, 0.0, 0.0]))),
+        [sides, sides],
+        np.arange(2 * sides),
     )
     assert len(mesh.faces) == 2 * (sides - 2)
     assert mesh.faces[: sides - 2].max() < sides <= mesh.faces[sides - 2 :].min()
@@ -170,7 +166,7 @@ def test_heightfield_as_mesh_keeps_place_layers_and_quads() -> None:
 
 def test_meshes_share_what_did_not_change() -> None:
     mesh = irregular_mesh()
-    _ = mesh.graph
+    _ = mesh.graph, mesh.areas
     painted = mesh.with_layers(wetness=np.zeros(len(mesh.vertices)))
     assert painted.graph is mesh.graph
     assert "wetness" not in mesh
@@ -207,5 +203,5 @@ def test_elevation_is_no_layer_to_set() -> None:
     mesh = TriMesh(SQUARE, [[0, 1, 2]])
     with pytest.raises(InputError, match="raised"):
         mesh.with_layers(elevation=np.zeros(4))
-    with pytest.raises(InputError, match="3 vertices|4 vertices"):
+    with pytest.raises(InputError, match="4 vertices"):
         mesh.with_layers(rain=np.zeros(3))

@@ -20,9 +20,14 @@ def left_over(folder: Path) -> list[str]:
 
 def test_error_in_the_middle_keeps_the_old_file(tmp_path: Path) -> None:
     target = write_text(tmp_path / "a.txt", "old")
-    with pytest.raises(ZeroDivisionError), atomic_path(target) as temporary:
-        temporary.write_bytes(b"half")
-        raise ZeroDivisionError
+
+    def write() -> None:
+        with atomic_path(target) as temporary:
+            temporary.write_bytes(b"half")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        write()
     assert target.read_bytes() == b"old"
     assert left_over(tmp_path) == ["a.txt"]
 
@@ -66,9 +71,13 @@ def test_file_of_a_dead_process_is_swept_up(tmp_path: Path) -> None:
 
 
 def test_staged_files_come_together_or_not_at_all(tmp_path: Path) -> None:
-    with pytest.raises(ZeroDivisionError), staged_folder(tmp_path) as stage:
-        (stage / "one").write_bytes(b"1")
-        raise ZeroDivisionError
+    def fail() -> None:
+        with staged_folder(tmp_path) as stage:
+            (stage / "one").write_bytes(b"1")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
     assert left_over(tmp_path) == []
     with staged_folder(tmp_path) as stage:
         (stage / "one").write_bytes(b"1")
@@ -79,9 +88,14 @@ def test_staged_files_come_together_or_not_at_all(tmp_path: Path) -> None:
 
 def test_staged_files_stay_out_when_one_cannot_be_placed(tmp_path: Path) -> None:
     (tmp_path / "two").mkdir()
-    with pytest.raises(OutputError), staged_folder(tmp_path) as stage:
-        (stage / "one").write_bytes(b"1")
-        (stage / "two").write_bytes(b"2")
+
+    def write() -> None:
+        with staged_folder(tmp_path) as stage:
+            (stage / "one").write_bytes(b"1")
+            (stage / "two").write_bytes(b"2")
+
+    with pytest.raises(OutputError):
+        write()
     assert left_over(tmp_path) == ["two"]
 
 

@@ -91,6 +91,7 @@ def steepest(height: Heights, spacing: float) -> tuple[NDArray[np.intp], Heights
 def drained(height: Heights, step: float) -> Heights:
     """Return the terrain with its depressions filled so that they slope (Barnes et al. 2014)."""
     level = height.copy()
+    random = np.random.default_rng(9)  # no two slopes are equal, so that no order decides
     edge = border(height.shape)
     heap = [(level[row, col], row, col) for row, col in np.argwhere(edge).tolist()]
     heapq.heapify(heap)
@@ -101,7 +102,7 @@ def drained(height: Heights, step: float) -> Heights:
             r, c = row + i, col + j
             if 0 <= r < level.shape[0] and 0 <= c < level.shape[1] and not seen[r, c]:
                 seen[r, c] = True
-                level[r, c] = max(level[r, c], water + step * (1 + level[r, c] / 100))
+                level[r, c] = max(level[r, c], water + step * random.uniform(1, 2))
                 heapq.heappush(heap, (level[r, c], r, c))
     return level
 
@@ -251,14 +252,14 @@ def test_one_step_is_that_of_fastscapelib(n: float) -> None:
     grid = fastscapelib.RasterGrid([40, 50], [50.0, 50.0], fastscapelib.NodeStatus.FIXED_VALUE)
     graph = fastscapelib.FlowGraph(grid, [fastscapelib.SingleFlowRouter()])
     graph.update_routes(height)
-    eroder = fastscapelib.SPLEroder(graph, 5e-5, 0.4, n, 1e-9)
+    eroder = fastscapelib.SPLEroder(graph, 1e-3, 0.4, n, 1e-9)
     cut = eroder.erode(height, graph.accumulate(1.0), 1000.0)
     result, _ = eroded(
         height,
         50.0,
         "numpy",
         **{"duration": 1000.0, "time_step": 1000.0, "uplift_rate": 0.0, "diffusivity": 0.0},
-        **{"erodibility": 5e-5, "area_exponent": 0.4, "slope_exponent": n, "routing": "d8"},
+        **{"erodibility": 1e-3, "area_exponent": 0.4, "slope_exponent": n, "routing": "d8"},
     )
     assert cut.max() > 5.0
     assert np.abs(result.elevation - (height - cut)).max() < 1e-3
@@ -373,7 +374,20 @@ def test_a_ridge_gets_the_steady_profile_of_nonlinear_creep(
     profile -= profile[0]
     got = result.elevation.astype(np.float64)
     assert np.ptp(got[:, 1:-1], axis=0).max() < 0.01 * profile.max()
-    assert np.abs(got[2] - profile).max() < 0.025 * profile.max()
+    assert np.abs(got[2] - profile).max() < (0.005 if steep < 0.5 else 0.03) * profile.max()
+
+
+def test_nonlinear_creep_knows_no_direction(device: str | None) -> None:
+    """A bowl of slopes up to the critical one changes alike all around (m = 4 harmonic)."""
+    row, col = np.indices((65, 65)) - 32.0
+    away, angle = np.hypot(row, col), np.arctan2(row, col)
+    bowl = 0.7 * 10.0 * away**2 / 64  # slope 0.44 at a radius of 20
+    settings = {"duration": 2e3, "time_step": 1e3, "uplift_rate": 0.0, "erodibility": 0.0}
+    result, _ = eroded(bowl, 10.0, device, diffusivity=0.05, critical_slope=40.0, **settings)
+    change = result.elevation - bowl
+    ring = np.abs(away - 20.0) < 2.0
+    uneven = abs((change * np.exp(4j * angle))[ring].mean() / change[ring].mean())
+    assert uneven < 0.02
 
 
 def test_slopes_beyond_the_critical_one_do_not_ring(device: str | None) -> None:

@@ -247,14 +247,12 @@ class StreamPower(Erosion):
         ledger.came("rock", "uplift", int(np.broadcast_to(risen, end.shape).sum()) * volume)
         rows, cols = end.shape
         row, col = np.divmod(outlet_of, cols)
-        side = np.full(end.shape, "sea", dtype="<U12")
-        side[col == cols - 1] = "border east"
-        side[col == 0] = "border west"
-        side[row == rows - 1] = "border south"
-        side[row == 0] = "border north"
+        side = np.full(end.shape, len(SIDES), dtype=np.int8)
+        for number, along in enumerate((row == 0, row == rows - 1, col == 0, col == cols - 1)):
+            side[along & (side == len(SIDES))] = number
         carried = incised + received
-        for name in (*(f"border {s}" for s in SIDES), "sea"):
-            leaving = int(carried[side == name].sum())
+        for number, name in enumerate((*(f"border {s}" for s in SIDES), "sea")):
+            leaving = int(carried[side == number].sum())
             if leaving:
                 ledger.left("rock", name, leaving * volume)
         moved = int(incised.sum()) + int(np.abs(received).sum())

@@ -135,7 +135,7 @@ def _left(
     return drop - (drop.astype(F) * ((whole - s) / whole)).astype(np.int32)
 
 
-def _creep(d: Counts, share: F | NDArray[F], slope_of_quantum: float) -> Counts:
+def _creep(d: Counts, share: np.float32 | NDArray[np.float32], slope_of_quantum: float) -> Counts:
     if slope_of_quantum <= 0:
         return (share * d.astype(F)).astype(np.int32)
     s = d.astype(F) * F(slope_of_quantum)
