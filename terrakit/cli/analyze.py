@@ -44,7 +44,7 @@ def command(
     from terrakit.api import analyze
     from terrakit.recipe import shipped
 
-    if Path(source).suffix == ".toml" or (source in shipped() and not Path(source).exists()):
+    if Path(source).suffix == ".toml" or (source in shipped() and not Path(source).is_file()):
         surface = _terrain_of_recipe(source, settings, seed, device, settings_)
     else:
         surface = _terrain_of_file(source, settings)

@@ -270,3 +270,11 @@ def test_doctor_finds_a_kernel_that_differs(terrakit):
     (line,) = [line for line in done.out.splitlines() if line.startswith("wrong")]
     assert "differs" in line
     assert "1155 of 1155" in line
+
+
+def test_a_shipped_recipe_runs_again_beside_the_folder_it_wrote(terrakit):
+    arguments = ("run", "hills", "--set", "samples=17", "--set", "stream_power.duration=1e5")
+    terrakit(*arguments).worked()
+    assert (terrakit.folder / "hills").is_dir()
+    terrakit(*arguments).worked()
+    terrakit("analyze", "hills", "--set", "samples=33").worked()

@@ -613,8 +613,8 @@ def test_twice_the_samples_keep_relief_and_concavity() -> None:
         _, slope, area, _ = tree_of(result)
         chosen = ~border(height.shape).ravel() & (area > 5e5) & (slope > 1e-4)
         theta.append(-float(np.polyfit(np.log(area[chosen]), np.log(slope[chosen]), 1)[0]))
-    assert relief[0] == pytest.approx(relief[1], rel=0.25)
-    assert theta[0] == pytest.approx(theta[1], abs=0.1)
+    assert relief[0] == pytest.approx(relief[1], rel=0.18)
+    assert theta[0] == pytest.approx(theta[1], abs=0.03)
 
 
 # --- layers and schedules -------------------------------------------------------------------
@@ -769,6 +769,13 @@ def awkward() -> dict[str, tuple[Heights, float]]:
         "3x40": (rough((3, 40)), 10.0),
         "40x3": (rough((40, 3)), 10.0),
     }
+
+
+def test_a_tile_may_lie_anywhere(device: str | None) -> None:
+    for origin in ((1e18, -1e18), (-1e300, 1e300)):
+        terrain = Heightfield(rough((9, 9)), 1e-2, origin)
+        result, _ = eroded(terrain, 0, device, duration=10.0, diffusivity=0.0)
+        assert np.isfinite(result.elevation).all()
 
 
 @pytest.mark.parametrize("name", awkward())

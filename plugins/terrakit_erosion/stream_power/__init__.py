@@ -206,7 +206,10 @@ class StreamPower(Erosion):
             shares=(share * 2 / 3, share / 6, steepness, steepness / math.sqrt(2.0)),
             method=self.routing,
             seed=run.words(self.name),
-            world_cell=(-round(y / surface.spacing), round(x / surface.spacing)),
+            world_cell=(
+                -round(y / surface.spacing) & 0xFFFFFFFF,  # what rho8 hashes
+                round(x / surface.spacing) & 0xFFFFFFFF,
+            ),
         )
 
     def _outlets(

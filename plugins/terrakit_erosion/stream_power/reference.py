@@ -126,7 +126,7 @@ def _left(
     whole = drop.astype(F) * F(quantum) / length
     g = np.minimum(strength / length, F(1e25))
     # Each of the two terms alone gives an upper bound, the lower of which is close
-    s = exact.power(whole / np.maximum(g, F(1e-20)), F(1) / n)
+    s = exact.power(whole / np.maximum(g, F(1e-20)), float(F(1) / n))
     s = np.minimum(np.maximum(s, F(1e-6)), whole)
     for _ in range(NEWTON_STEPS):
         p = g * exact.power(s, exponent)
