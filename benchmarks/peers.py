@@ -188,7 +188,7 @@ def with_fastscapelib(samples: int, info: DeviceInfo) -> Iterator[Pair]:
             uplift_rate=0.0,
             diffusivity=0.0,
             routing="d8",
-            border="fixed",
+            outlets="border",
         ).elevation
 
     yield Pair(f"stream power, {steps} whole steps", "fastscapelib", samples, ours, theirs)

@@ -9,7 +9,7 @@ import platform
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -67,7 +67,7 @@ def run_recipe(
     registry
         Whose observers are told.
     max_cells
-        Most samples that a generator may be asked for.
+        Most samples that a generator or an importer may make, whatever the recipe says.
     on_step
         Called after each step with its entry of the record.
 
@@ -77,9 +77,10 @@ def run_recipe(
         Before anything is computed where the problem can be known by then.
     """
     registry = registry or default_registry()
+    registry.load_observers()
     check_recipe(recipe, out, max_cells)
     with _fresh_folder(out):
-        return _run_steps(recipe, run, out, cache, registry, on_step)
+        return _run_steps(_bounded(recipe, max_cells), run, out, cache, registry, on_step)
 
 
 def check_recipe(
@@ -113,6 +114,18 @@ def check_recipe(
         _check_outputs(recipe, steps, out)
 
 
+def _bounded(recipe: Recipe, max_cells: int) -> Recipe:
+    """Return the recipe with the importers' own limits lowered to that of the run."""
+    steps = []
+    for step in recipe.steps:
+        operator = step.operator
+        limit = getattr(operator, "max_cells", None)
+        if isinstance(operator, Importer) and limit is not None and limit > max_cells:
+            operator = operator.model_copy(update={"max_cells": max_cells})
+        steps.append(replace(step, operator=operator))
+    return replace(recipe, steps=tuple(steps))
+
+
 def _steps(recipe: Recipe, out: Path | None) -> list[Step]:
     return [s for s in recipe.steps if out is not None or not isinstance(s.operator, Exporter)]
 
@@ -139,7 +152,7 @@ def _run_steps(
     on_step: Callable[[Step, dict[str, Any]], None] | None,
 ) -> Result:
     steps, grid = _steps(recipe, out), recipe.grid
-    registry.hook.terrakit_run_started(run=run, steps=[step.name for step in steps])
+    registry.tell("terrakit_run_started", run=run, steps=[step.name for step in steps])
     surface: Surface | None = None
     key = ""
     entries: list[dict[str, Any]] = []
@@ -177,8 +190,8 @@ def _run_steps(
         entry["cites"] = list(step.operator.cites)
         entries.append(entry)
         assert surface is not None
-        registry.hook.terrakit_step_done(
-            run=step_run, step=step.name, surface=surface, report=entry
+        registry.tell(
+            "terrakit_step_done", run=step_run, step=step.name, surface=surface, report=entry
         )
         if on_step is not None:
             on_step(step, entry)
@@ -189,7 +202,7 @@ def _run_steps(
         # A name that is not UTF-8 holds lone surrogates, which JSON can say as escapes
         content = text.encode("utf-8", "backslashreplace")
         files.append(atomic.write_bytes(atomic.make_folder(out) / RECORD, content))
-    registry.hook.terrakit_run_finished(run=run, report=report)
+    registry.tell("terrakit_run_finished", run=run, report=report)
     return Result(surface, files, report)
 
 

@@ -84,10 +84,19 @@ class Registry:
         self._loaded: list[Plugin] = []
         self._load(lambda plugin: plugin.is_built_in)
 
-    @property
-    def hook(self) -> Any:
-        """The observers: ``registry.hook.terrakit_step_done(...)``."""
-        return self._manager.hook
+    def tell(self, event: str, **facts: Any) -> None:
+        """Tell every observer of an event; one that fails is named in a warning."""
+        for implementation in getattr(self._manager.hook, event).get_hookimpls():
+            try:
+                implementation.function(**{name: facts[name] for name in implementation.argnames})
+            except Exception as error:
+                warnings.warn(
+                    f"plugin {implementation.plugin_name}: {event}: {_reason(error)}", stacklevel=2
+                )
+
+    def load_observers(self) -> None:
+        """Load the plugins that watch every run: entry points that begin with ``observer``."""
+        self._load(lambda plugin: plugin.name.startswith("observer"))
 
     def plugins(self) -> list[Plugin]:
         """Load every plugin and return all of them, broken ones included."""

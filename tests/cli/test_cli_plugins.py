@@ -282,3 +282,28 @@ def test_strict_makes_a_broken_plugin_an_error(terrakit):
     terrakit.plugin("tkbad-x", "raise RuntimeError('at import')")
     for arguments in (["--strict", "list"], ["list", "--strict"]):
         terrakit(*arguments).refused("plugin tkbad-x 1.0", "at import", "--strict")
+
+
+OBSERVER = """\
+from pathlib import Path
+from terrakit import hookimpl
+
+@hookimpl
+def terrakit_step_done(step, report):
+    with open("seen.txt", "a") as stream:
+        stream.write(f"{step} {report.get('cached')}\\n")
+
+@hookimpl
+def terrakit_run_finished():
+    raise RuntimeError("the screen fell off")
+"""
+
+
+def test_an_observer_sees_every_run_and_cannot_stop_it(terrakit):
+    terrakit.recipe()
+    terrakit.plugin("tk-watch", OBSERVER, entry="observer_watch")
+    done = terrakit("run", "hills.toml", "--no-cache").worked()
+    seen = (terrakit.folder / "seen.txt").read_text().splitlines()
+    assert seen == ["fbm False", "thermal False", "npz None"]
+    assert "tk-watch" in done.err
+    assert "the screen fell off" in done.err

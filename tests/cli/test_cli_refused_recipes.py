@@ -262,3 +262,11 @@ def test_seeds_do_not_clash(terrakit):
     }
     assert len(heights) == len(SEEDS)
     terrakit("generate", "fbm", "a.npz", "--seed", "1.5").refused("1.5", "an integer or text")
+
+
+def test_a_recipe_cannot_raise_the_importers_limit(terrakit):
+    np.save(terrakit.folder / "a.npy", np.zeros((40, 40), np.float32))
+    step = '[[step]]\nuse = "numpy"\nfile = "a.npy"\nspacing = 10.0\nmax_cells = 100000000000\n'
+    terrakit.recipe(step)
+    terrakit("run", "hills.toml", "--max-cells", "100").refused("a.npy", "1,600", "100")
+    terrakit("run", "hills.toml").worked()

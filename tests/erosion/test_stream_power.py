@@ -60,7 +60,7 @@ def eroded(
     """Return the terrain after stream power, and the account of its rock."""
     terrain = height if isinstance(height, Heightfield) else Heightfield(height, spacing)
     run = Run(5, device, sea_level=sea_level).for_step("stream_power")
-    result = StreamPower(**{"border": "fixed", **settings})(terrain, run)
+    result = StreamPower(**{"outlets": "border", **settings})(terrain, run)
     return result, run.ledger.accounts["rock"]
 
 
@@ -217,7 +217,7 @@ def test_a_knickpoint_travels_at_the_speed_of_theory(device: str | None) -> None
         spacing,
         device,
         **{"duration": 5e6, "time_step": 1e4, "uplift_rate": 0.0, "diffusivity": 0.0},
-        **{"erodibility": speed, "area_exponent": 1e-6, "border": "lowest"},
+        **{"erodibility": speed, "area_exponent": 1e-6, "outlets": "lowest"},
         **{"outlet_spacing": 1e6, "routing": "d8"},
     )
     half = int(np.argmax(result.elevation[1] > 50.0))
@@ -365,7 +365,7 @@ def test_a_ridge_gets_the_steady_profile_of_nonlinear_creep(
         device,
         0.0,
         **{"duration": 1.5e6, "time_step": 1e4, "uplift_rate": uplift, "erodibility": 0.0},
-        **{"diffusivity": diffusivity, "critical_slope": 40.0, "border": "lowest"},
+        **{"diffusivity": diffusivity, "critical_slope": 40.0, "outlets": "lowest"},
         outlet_spacing=1e9,
     )
     x = (np.arange(cols) - (cols - 1) / 2) * spacing
@@ -398,7 +398,7 @@ def test_slopes_beyond_the_critical_one_do_not_ring(device: str | None) -> None:
         device,
         0.0,
         **{"duration": 1e6, "time_step": 1e4, "uplift_rate": uplift, "erodibility": 0.0},
-        **{"diffusivity": 0.05, "critical_slope": 30.0, "border": "lowest"},
+        **{"diffusivity": 0.05, "critical_slope": 30.0, "outlets": "lowest"},
         outlet_spacing=1e9,
     )
     fall = np.diff(result.elevation[2].astype(np.float64))
@@ -432,7 +432,7 @@ def test_the_ledger_is_what_the_heights_say(device: str | None) -> None:
     height = hilly(65)
     height[20:30, 5:25] = -50.0
     terrain = Heightfield(height, 30.0)
-    settings = {"duration": 4e5, "time_step": 2e4, "uplift_rate": 1e-3, "border": "lowest"}
+    settings = {"duration": 4e5, "time_step": 2e4, "uplift_rate": 1e-3, "outlets": "lowest"}
     result, account = eroded(terrain, 0, device, 10.0, **settings)
     area = 900.0
     before, after = (t.elevation.astype(np.float64) for t in (terrain, result))
@@ -488,7 +488,7 @@ def test_rivers_leave_at_the_lowest_points_at_least_so_far_apart(
 ) -> None:
     height = rough((41, 33)).astype(np.float32)
     settings = {"duration": 5e4, "time_step": 1e4, "outlet_spacing": outlet_spacing}
-    result, _ = eroded(height, 50.0, device, border="lowest", **settings)
+    result, _ = eroded(height, 50.0, device, outlets="lowest", **settings)
     index = np.indices(height.shape)
     around = np.concatenate(
         (index[:, 0, :-1], index[:, :-1, -1], index[:, -1, :0:-1], index[:, :0:-1, 0]), axis=1
@@ -508,7 +508,7 @@ def test_rivers_leave_at_the_lowest_points_at_least_so_far_apart(
 
 def test_the_sea_is_left_alone_and_takes_what_comes(device: str | None) -> None:
     height = hilly(49) - 120.0
-    settings = {"duration": 3e5, "uplift_rate": 1e-3, "border": "lowest"}
+    settings = {"duration": 3e5, "uplift_rate": 1e-3, "outlets": "lowest"}
     result, account = eroded(height, 50.0, device, 0.0, **settings)
     sea = height.astype(np.float32) < 0
     assert 0.1 < sea.mean() < 0.9
@@ -528,12 +528,12 @@ def test_a_drowned_terrain_stays_as_it_is(device: str | None) -> None:
 # --- grid, time and space -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("where", ["lowest", "fixed"])
+@pytest.mark.parametrize("where", ["lowest", "border"])
 def test_turned_and_mirrored_terrain_gives_the_same_turned_bytes(
     device: str | None, where: str
 ) -> None:
     height = rough((33, 33), 300.0).astype(np.float32)
-    settings = {"duration": 2e5, "time_step": 2e4, "critical_slope": 40.0, "border": where}
+    settings = {"duration": 2e5, "time_step": 2e4, "critical_slope": 40.0, "outlets": where}
     plain, _ = eroded(height, 30.0, device, routing="d8", **settings)
     for turn in TURNS[1:]:
         turned, _ = eroded(turn(height), 30.0, device, routing="d8", **settings)
@@ -547,7 +547,7 @@ def test_both_backends_give_the_same_bytes() -> None:
     height = hilly(49)
     strange = rough((37, 52), 900.0)
     for ground, settings in (
-        (height, {"critical_slope": 35.0, "border": "lowest"}),
+        (height, {"critical_slope": 35.0, "outlets": "lowest"}),
         (height, {"slope_exponent": 0.4, "uplift_rate": 0.5}),
         (strange, {"slope_exponent": 3.7, "routing": "d8"}),
         (strange, {"erodibility": 1.0, "area_exponent": 2.0, "slope_exponent": 1.7}),
@@ -566,7 +566,7 @@ def test_rho8_follows_the_slope_of_a_plane_in_the_mean(device: str | None) -> No
     row, col = np.indices((65, 65))
     height = (1000.0 - 4.0 * row - 1.0 * col).astype(np.float32)
     settings = {"duration": 1.0, "time_step": 1.0, "uplift_rate": 0.0, "erodibility": 0.0}
-    settings |= {"diffusivity": 0.0, "border": "fixed"}
+    settings |= {"diffusivity": 0.0, "outlets": "border"}
     grid, _ = eroded(height, 10.0, device, routing="d8", **settings)
     assert np.unique(grid.layer("drainage_area")[40, 1:-1]).size == 1
 
@@ -711,7 +711,7 @@ def test_finish_now_keeps_a_valid_terrain_and_closed_books(device: str | None, w
     terrain = Heightfield(rough((33, 33), 300.0), 30.0)
     run = Run(5, device).for_step("stream_power")
     run.on_progress = lambda p: run.finish_now() if p.done == when else None
-    result = StreamPower(duration=1e6, time_step=1e4, border="fixed")(terrain, run)
+    result = StreamPower(duration=1e6, time_step=1e4, outlets="border")(terrain, run)
     account = run.ledger.accounts["rock"]
     assert np.isfinite(result.elevation).all()
     assert_closed(account)
@@ -782,7 +782,7 @@ def test_a_tile_may_lie_anywhere(device: str | None) -> None:
 def test_awkward_terrain_stays_terrain(device: str | None, name: str) -> None:
     height, spacing = awkward()[name]
     for settings in (
-        {"border": "lowest", "critical_slope": 40.0, "diffusivity": min(0.02, spacing**2 * 1e-4)},
+        {"outlets": "lowest", "critical_slope": 40.0, "diffusivity": min(0.02, spacing**2 * 1e-4)},
         {"slope_exponent": 2.3, "diffusivity": 0.0, "erodibility": 1e-2},
         {"slope_exponent": 0.3, "diffusivity": 0.0, "area_exponent": 2.0, "erodibility": 1.0},
     ):

@@ -77,7 +77,7 @@ def operators() -> list[Thermal | StreamPower]:
         Thermal(iterations=2, scheme="proportional", talus_angle=angle),
         StreamPower(**brief),
         StreamPower(**brief, routing="d8", critical_slope=30.0, slope_exponent=1.4),
-        StreamPower(**brief, border="fixed", erodibility=strength, uplift_rate=lift),
+        StreamPower(**brief, outlets="border", erodibility=strength, uplift_rate=lift),
     ]
 
 

@@ -19,11 +19,11 @@ from terrakit_files.grid_import import GridImporter, RawGrid
 if TYPE_CHECKING:
     from terrakit.running import Run
 
-DRIVERS = ("GTiff", "AAIGrid", "SRTMHGT", "HFA", "GSAG", "GSBG", "GS7BG", "USGSDEM", "BT", "DTED")
+DRIVERS = ("GTiff", "AAIGrid", "SRTMHGT", "GSAG", "GSBG", "GS7BG", "USGSDEM", "BT", "DTED")
 """No VRT and nothing of the network: a raster never opens another file."""
 
 SIGNATURES = (
-    b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"EHFA_HEADER_TAG", b"DSAA", b"DSBB", b"DSRB",
+    b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"DSAA", b"DSBB", b"DSRB",
     b"binterr1", b"UHL1",
 )  # fmt: skip
 HGT_BYTES = {2 * 1201 * 1201, 2 * 3601 * 3601, 2 * 1801 * 3601}
@@ -40,7 +40,7 @@ class Raster(GridImporter):
     """Read heights from GeoTIFF, ESRI ASCII grid, SRTM and other rasters."""
 
     name: ClassVar[str] = "raster"
-    suffixes: ClassVar[tuple[str, ...]] = (".tif", ".tiff", ".asc", ".hgt", ".img", ".grd", ".dem")
+    suffixes: ClassVar[tuple[str, ...]] = (".tif", ".tiff", ".asc", ".hgt", ".grd", ".dem")
 
     band: int = parameter(1, "Which band holds the heights, from 1.", ge=1)
 

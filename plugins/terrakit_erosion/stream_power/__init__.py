@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from terrakit.errors import InputError, ParameterError
 from terrakit.heightfield import Heightfield
 from terrakit.operators import Erosion
-from terrakit.parameters import Maskable, Schedule, parameter
+from terrakit.parameters import Maskable, Schedule, Seed, parameter
 from terrakit.quanta import Quanta
 from terrakit.running import Run
 
@@ -40,7 +40,7 @@ class StreamPower(Erosion):
     Notes
     -----
     Rivers leave where the border is lowest, one within each ``outlet_spacing``; there, and below
-    the sea level, the height is held. ``border = "fixed"`` holds the whole border instead. What
+    the sea level, the height is held. ``outlets = "border"`` holds the whole border instead. What
     streams cut is carried out of the map; fans and deltas are not built.
 
     References
@@ -97,12 +97,14 @@ class StreamPower(Erosion):
     routing: Literal["rho8", "d8"] = parameter(
         "rho8", "rho8 follows the true slope in the mean; d8 only the eight directions."
     )
-    border: Literal["lowest", "fixed"] = parameter(
+    outlets: Literal["lowest", "border"] = parameter(
         "lowest", "Whether rivers leave at the lowest points of the border, or all along it."
     )
     outlet_spacing: float = parameter(
         3000.0, "Least distance between two rivers that leave the map.", unit="m", ge=0
     )
+
+    seed: Seed = parameter(0, "Another number or word gives other winding rivers.")
 
     presets: ClassVar = {
         "alpine": {"uplift_rate": 1e-3, "erodibility": 1e-5, "critical_slope": 40.0},
@@ -205,7 +207,7 @@ class StreamPower(Erosion):
             sweeps=sweeps,
             shares=(share * 2 / 3, share / 6, steepness, steepness / math.sqrt(2.0)),
             method=self.routing,
-            seed=run.words(self.name),
+            seed=run.words(self.name, self.seed),
             world_cell=(
                 -round(y / surface.spacing) & 0xFFFFFFFF,  # what rho8 hashes
                 round(x / surface.spacing) & 0xFFFFFFFF,
@@ -218,7 +220,7 @@ class StreamPower(Erosion):
         """Return 1 where water leaves and the height is held."""
         rows, cols = height.shape
         outlet = np.zeros(height.shape, dtype=np.uint8)
-        if self.border == "fixed":
+        if self.outlets == "border":
             outlet[[0, -1], :] = 1
             outlet[:, [0, -1]] = 1
         else:
