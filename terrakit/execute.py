@@ -211,8 +211,11 @@ def _check_surface(operator: Operator, subject: Any, result: Any) -> None:
             raise PluginError(
                 f"{_label(operator)}: wrote layer {name!r}, which it does not declare"
             )
-        if not np.isfinite(result.layer(name)).all():
+        if layer is not None:
+            wrong = layer.not_finite()
+        else:
             wrong = int((~np.isfinite(result.layer(name))).sum())
+        if wrong:
             raise PluginError(f"{_label(operator)}: {wrong} values of {name} are not finite")
     missing = [name for name in before if name not in result]
     if missing:

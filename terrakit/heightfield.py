@@ -59,6 +59,15 @@ class Layer:
             self._host = _read_only(self._device.download())
         return self._host
 
+    def not_finite(self) -> int:
+        """Return how many values are infinite or no number, without moving the layer."""
+        if self._host is None:
+            from terrakit.compute.survey import count_not_finite
+
+            assert self._device is not None
+            return count_not_finite(self._device)
+        return int((~np.isfinite(self._host)).sum())
+
     def __reduce__(self) -> tuple[type[Layer], tuple[Field]]:
         """Travel to another process on the host, and stay read-only there."""
         return Layer, (self.host(),)

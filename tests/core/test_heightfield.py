@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from terrakit import Grid, Heightfield, InputError, Run
+from terrakit import Grid, Heightfield, InputError, Run, generate
 from terrakit.compute import choose_device
 
 RAMP = np.arange(12.0).reshape(3, 4)
@@ -110,6 +110,19 @@ def test_layer_moves_only_when_asked() -> None:
     there = Heightfield.on_grid(terrain.grid, device.upload(terrain.elevation))
     assert there.layers["elevation"].places == (device.name,)
     assert pickle.loads(pickle.dumps(there)).elevation.tobytes() == terrain.elevation.tobytes()
+
+
+def test_a_generated_terrain_is_checked_where_it_is() -> None:
+    run = Run(seed=1)
+    if run.device is None:
+        pytest.skip("needs an OpenCL device")
+    terrain = generate("fbm", (40, 33), 10.0, run=run)
+    assert terrain.layers["elevation"].places == (run.device.name,)
+    spoiled = np.zeros((40, 33), np.float32)
+    spoiled[3, 4], spoiled[39, 32], spoiled[0, 0] = np.nan, np.inf, -np.inf
+    layer = Heightfield(run.device.upload(spoiled), 10.0).layers["elevation"]
+    assert layer.not_finite() == 3
+    assert layer.places == (run.device.name,)
 
 
 def test_xarray_round_trip() -> None:

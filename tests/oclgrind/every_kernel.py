@@ -52,6 +52,7 @@ def main(listing: Path) -> None:
     compute_device.Device.copy = copying
     compute_device.Program.launch = noting
     compute_device._Opened.allocate = keeping
+    checked(Run(0, "oclgrind").device)
     for shape in SHAPES:
         grid = Grid(shape, 20.0)
         terrain = both(Fbm(amplitude=600.0, wavelength=200.0, octaves=3), grid)
@@ -90,6 +91,17 @@ def both(operator: object, subject: object) -> Heightfield:
         if not np.array_equal(ours.layer(layer), theirs.layer(layer)):
             raise SystemExit(f"{operator!r}: {layer} differs from the reference")
     return ours
+
+
+def checked(device: compute_device.Device) -> None:
+    """Count what is not finite."""
+    values = np.full(2500, np.nan, np.float32)
+    values[7:1000] = 1.0
+    if (
+        Heightfield(device.upload(values.reshape(50, 50)), 1.0).layers["elevation"].not_finite()
+        != 1507
+    ):
+        raise SystemExit("survey_not_finite miscounts")
 
 
 def routed(terrain: Heightfield) -> None:
