@@ -68,7 +68,7 @@ def run(
         loaded = loaded.with_seed(seed)
     return run_recipe(
         loaded,
-        Run(loaded.header.seed, device, on_progress, sea_level=loaded.header.sea_level),
+        Run(loaded.header.seed, device, on_progress),
         None if out is None else Path(out),
         cache=ResultCache() if cache else None,
     )

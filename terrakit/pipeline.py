@@ -58,7 +58,7 @@ def run_recipe(
     recipe
         The recipe; its seed is ``run.seed``.
     run
-        Device, progress, cancel.
+        Device, progress, cancel; the sea level is the recipe's.
     out
         Folder for the files; without it exporters are left out.
     cache
@@ -161,6 +161,7 @@ def _run_steps(
         where = f"{recipe.name}: step {index} '{step.name}'"
         started = time.perf_counter()
         step_run = run.for_step(step.name)
+        step_run.sea_level = recipe.header.sea_level
         entry: dict[str, Any] = {"name": step.name, "use": step.use}
         try:
             if isinstance(step.operator, Exporter):
@@ -305,7 +306,7 @@ def _key(before: str, recipe: Recipe, step: Step, run: Run, grid: Grid | None) -
         "code": _code_digest(type(step.operator).__module__.partition(".")[0]),
         "settings": step.operator.model_dump(mode="json"),
         "seed": [type(run.seed).__name__, run.seed],
-        "sea_level": run.sea_level,
+        "sea_level": recipe.header.sea_level,
     }
     if step.operator.parity != "exact":
         parts["device"] = run.device_info.label

@@ -278,3 +278,27 @@ def test_a_shipped_recipe_runs_again_beside_the_folder_it_wrote(terrakit):
     assert (terrakit.folder / "hills").is_dir()
     terrakit(*arguments).worked()
     terrakit("analyze", "hills", "--set", "samples=33").worked()
+
+
+def test_the_sea_of_a_recipe_reaches_its_steps(terrakit):
+    text = """
+        size = 4000.0
+        samples = 41
+        sea_level = 0.0
+        [[step]]
+        use = "fbm"
+        [[step]]
+        use = "stream_power"
+        duration = 1e5
+        [[step]]
+        use = "npz"
+    """
+    terrakit.recipe(text)
+    terrakit("run", "hills.toml").worked()
+    after = np.load(terrakit.folder / "hills/hills.npz")["elevation"]
+    terrakit("run", "hills.toml", "--out", "dry", "--set", "stream_power.duration=0").worked()
+    before = np.load(terrakit.folder / "dry/hills.npz")["elevation"]
+    sea = before < 0
+    assert sea.any()
+    np.testing.assert_array_equal(after[sea], before[sea])
+    assert (after[~sea] != before[~sea]).mean() > 0.9
