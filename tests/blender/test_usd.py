@@ -100,9 +100,9 @@ def test_material_shows_the_texture(tmp_path, name):
     assert principled["Roughness"].default_value == pytest.approx(0.9)
 
     # Blender counts rows of pixels from the bottom: the last is the north
-    pixels = np.array(image.pixels[:]).reshape(ROWS, COLS, 4)
-    assert pixels[0, 0, 1] > pixels[-1, 0, 1] == 0
-    assert pixels[0, -1, 0] > pixels[0, 0, 0] == 0
+    pixels = np.array(image.pixels[:]).reshape(ROWS - 1, COLS - 1, 4)
+    assert pixels[0, 0, 1] > pixels[-1, 0, 1] + 0.1  # green falls northwards
+    assert pixels[0, -1, 0] > pixels[0, 0, 0] + 0.1  # red rises eastwards
 
 
 def test_mesh_shows_the_colours_of_its_vertices(tmp_path):
