@@ -151,6 +151,8 @@ def writable_target(target: Path) -> Path:
         raise OutputError(f"{target.name[:40]}...: the name is too long; use at most 200 bytes")
     try:
         target = target.resolve() if target.is_symlink() else target
+        if target.is_symlink():  # resolved and still a link, which older Pythons raise for
+            raise OSError(errno.ELOOP, os.strerror(errno.ELOOP))
         if target.exists() and not target.is_file():
             kind = "a folder" if target.is_dir() else "not a regular file"
             raise OutputError(f"{target}: is {kind}; name a file")
