@@ -45,6 +45,8 @@ def execute(operator: Operator, subject: Any, run: Run) -> Any:
         _check_subject(operator, subject)
     samples = _samples(subject)
     check_memory(operator, samples)
+    if isinstance(operator, (Generator, Erosion)):
+        _check_device_memory(operator, samples, run)
     run.check()
     with run.watching():
         result = _guarded(operator, subject, run)
@@ -70,6 +72,17 @@ def check_memory(operator: Operator, samples: int) -> None:
         raise ResourceError(
             f"{operator.name}: {samples} samples x {operator.fields} fields = "
             f"{needed / 1e9:.1f} GB > {free / 1e9:.1f} GB free; use fewer samples"
+        )
+
+
+def _check_device_memory(operator: Operator, samples: int, run: Run) -> None:
+    """Raise ResourceError before a device is asked for more than it has: PoCL would abort."""
+    device, needed = run.device_info, memory_needed(operator, samples)
+    if device.is_opencl and needed > device.memory:
+        raise ResourceError(
+            f"{operator.name}: {samples} samples x {operator.fields} fields = "
+            f"{needed / 1e9:.1f} GB > {device.memory / 1e9:.1f} GB of device {device.label}; "
+            "use fewer samples or --device numpy"
         )
 
 

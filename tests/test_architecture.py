@@ -159,3 +159,10 @@ def test_importing_terrakit_loads_nothing_heavy() -> None:
     program = "import sys, terrakit; print(*[m for m in sys.modules if '.' not in m])"
     told = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
     assert not {*HEAVY, "numpy", "pydantic"} & set(told.stdout.decode().split())
+
+
+def test_kernels_need_no_double_precision() -> None:
+    kernels = [path for place in (CORE, *TREES.values()) for path in place.rglob("*.cl")]
+    assert kernels
+    for path in kernels:
+        assert not {"double", "cl_khr_fp64"} & set(path.read_text("utf-8").split()), path.name

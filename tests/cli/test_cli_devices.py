@@ -218,3 +218,11 @@ def test_spawn_and_threads_give_the_same_bytes(terrakit):
         """,
     )
     assert done.stdout.strip() == "same", done.stderr
+
+
+def test_a_full_disk_under_the_cache_is_avoided_with_a_warning(terrakit, tmpfs):
+    terrakit.recipe()
+    done = terrakit("run", "hills.toml", env={"TERRAKIT_CACHE_DIR": str(tmpfs("64k"))}).worked()
+    warnings = [line for line in done.err.splitlines() if "warning" in line]
+    assert len(warnings) == 1
+    assert "MB free" in warnings[0]

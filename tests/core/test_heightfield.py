@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pickle
 from typing import Any
 
 import numpy as np
 import pytest
 
-from terrakit import Grid, Heightfield, InputError, Run, generate
+from terrakit import Grid, Heightfield, InputError, ResourceError, Run, generate
 from terrakit.compute import choose_device
 
 RAMP = np.arange(12.0).reshape(3, 4)
@@ -123,6 +124,15 @@ def test_a_generated_terrain_is_checked_where_it_is() -> None:
     layer = Heightfield(run.device.upload(spoiled), 10.0).layers["elevation"]
     assert layer.not_finite() == 3
     assert layer.places == (run.device.name,)
+
+
+def test_a_device_is_not_asked_for_more_memory_than_it_has() -> None:
+    info = choose_device()
+    if not info.is_opencl:
+        pytest.skip("needs an OpenCL device")
+    small = dataclasses.replace(info, memory=10_000)
+    with pytest.raises(ResourceError, match=r"fbm: 4096 samples x .* of device .*--device numpy"):
+        generate("fbm", 64, 10.0, run=Run(device=small))
 
 
 def test_xarray_round_trip() -> None:
