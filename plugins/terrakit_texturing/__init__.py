@@ -1,4 +1,4 @@
-"""Texturing: layers that say what the ground looks like."""
+"""Texturing: layers that say what the ground looks like, and masks that other steps follow."""
 
 from __future__ import annotations
 
@@ -9,6 +9,22 @@ from terrakit.operators import Texture
 @hookimpl
 def terrakit_textures() -> list[type[Texture]]:
     """Return the textures of this package."""
+    from terrakit_texturing.aspect_mask import AspectMask
+    from terrakit_texturing.curvature_mask import CurvatureMask
+    from terrakit_texturing.distance_mask import DistanceMask
+    from terrakit_texturing.height_mask import HeightMask
+    from terrakit_texturing.noise_mask import NoiseMask
+    from terrakit_texturing.polygon_mask import PolygonMask
     from terrakit_texturing.slope_height import SlopeHeight
+    from terrakit_texturing.slope_mask import SlopeMask
 
-    return [SlopeHeight]
+    return [
+        AspectMask,
+        CurvatureMask,
+        DistanceMask,
+        HeightMask,
+        NoiseMask,
+        PolygonMask,
+        SlopeHeight,
+        SlopeMask,
+    ]
