@@ -70,3 +70,48 @@ inline float exact_power(float x, float y)
 {
     return x < 1.17549435e-38f ? (y == 0.0f ? 1.0f : 0.0f) : exact_exp2(y * exact_log2(x));
 }
+
+// Sine of a whole circle's share: sin(2 pi t). Odd Taylor polynomial on a quarter turn.
+inline float exact_sine(float t)
+{
+    const float r = t - floor(t + 0.5f);
+    const float q = r > 0.25f ? 0.5f - r : (r < -0.25f ? -0.5f - r : r);
+    const float s = q * q;
+    float p = -15.0946425768229730f;
+    p = p * s + 42.0586939448786400f;
+    p = p * s + -76.7058597530613900f;
+    p = p * s + 81.6052492760750500f;
+    p = p * s + -41.3417022403997600f;
+    p = p * s + 6.28318530717958650f;
+    return q * p;
+}
+
+// Direction of (x, y) as a share of a circle, -1/2 to 1/2; 0 for no direction.
+inline float exact_arctangent(float y, float x)
+{
+    const float ax = x < 0.0f ? -x : x;
+    const float ay = y < 0.0f ? -y : y;
+    const float low = ax < ay ? ax : ay;
+    const float high = ax < ay ? ay : ax;
+    const float r = low / (high > 1e-30f ? high : 1e-30f);
+    const float s = r * r;
+    float p = 0.00108412954328f;
+    p = p * s + -0.00534827649107f;
+    p = p * s + 0.01267250269068f;
+    p = p * s + -0.02106152176488f;
+    p = p * s + 0.03152511981160f;
+    p = p * s + -0.05302623867888f;
+    p = p * s + 0.15915432426105f;
+    const float octant = r * p;
+    const float quarter = ax < ay ? 0.25f - octant : octant;
+    const float half_turn = x < 0.0f ? 0.5f - quarter : quarter;
+    return y < 0.0f ? -half_turn : half_turn;
+}
+
+// Nearly normal number of mean 0 and deviation 1: four uniforms of 16 bits, within -3.47 to 3.47.
+__attribute__((always_inline)) inline float exact_normal(uint hash)
+{
+    const uint other = exact_mix(hash ^ 0x9e3779b9u);
+    const uint sum = (hash & 0xffffu) + (hash >> 16) + (other & 0xffffu) + (other >> 16);
+    return (float)((int)sum - 131070) * 2.6428998e-5f;
+}

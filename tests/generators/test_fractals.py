@@ -1,15 +1,20 @@
-"""Fractal noise: as rough as it says, alike in all directions, without a lattice to be seen."""
+"""Fractals: as rough as they say, alike in all directions, without a lattice to be seen."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from terrakit import Grid, ParameterError, Run, generate
-from terrakit_generators.fbm import Fbm
+from terrakit.execute import execute
+from terrakit.noise import BASES
+from terrakit.registry import default_registry
+from terrakit_generators.fractals.domain_warp import DomainWarp
+from terrakit_generators.fractals.fbm import Fbm
+from terrakit_generators.fractals.octaves import Basis, Fractal, SlopeBasis
 
 Heights = NDArray[np.float64]
 
@@ -97,3 +102,127 @@ def test_gain_goes_before_the_hurst_exponent() -> None:
 def test_octaves_far_below_the_spacing_are_refused() -> None:
     with pytest.raises(ParameterError, match="use fewer"):
         made(9, 1e8, wavelength=1.0, octaves=24, lacunarity=4.0)
+
+
+METRICS = ("manhattan", "chebyshev", "squared", "half")
+FRACTALS = [k for k in default_registry().operators("generator") if issubclass(k, Fractal)]
+
+
+def test_every_basis_can_be_chosen() -> None:
+    plain = {name for name in BASES if "_" not in name or name.startswith("cellular")}
+    assert set(get_args(Basis)) <= set(BASES)
+    assert {n for n in plain if not n.endswith(METRICS)} == set(get_args(Basis))
+    assert set(get_args(SlopeBasis)) == {n for n in BASES if BASES[n].has_slope}
+
+
+@pytest.mark.parametrize("basis", get_args(Basis))
+def test_every_basis_makes_ground_within_its_amplitude(basis: str) -> None:
+    z = made(129, 40.0, basis=basis, amplitude=100.0, octaves=3, wavelength=1000.0)
+    assert np.abs(z).max() <= 101.0
+    assert z.std() > 3.0
+
+
+@pytest.mark.parametrize("kind", FRACTALS, ids=[kind.name for kind in FRACTALS])
+def test_heights_are_where_the_readme_says(kind: type[Fractal]) -> None:
+    z = np.stack([made_by(kind, seed, amplitude=100.0, offset=1000.0) for seed in range(4)]) - 1000
+    both_sides = {"fbm", "billow", "variable_lacunarity", "slope_damped"}
+    products = {"hybrid_multifractal", "heterogeneous_terrain", "multifractal"}
+    if kind.name in both_sides:
+        assert -100.0 <= z.min() < -20.0
+        assert 20.0 < z.max() <= 100.0
+        # Below and above, about alike: billow's cushions stand mostly low
+        assert abs(z.mean()) < 60.0
+    elif kind.name in products:
+        assert 0.05 * 100.0 < z.mean() < 100.0
+        assert z.max() < 400.0
+    else:
+        assert -1e-3 <= z.min()
+        assert 30.0 < z.max() <= 100.0 + 1e-3
+
+
+def made_by(kind: type[Fractal], seed: int, **settings: Any) -> Heights:
+    return made_named(kind.name, seed, **settings)
+
+
+def made_named(name: str, seed: int, **settings: Any) -> Heights:
+    terrain = generate(name, 129, 60.0, run=Run(seed), wavelength=2000.0, **settings)
+    return terrain.elevation.astype(np.float64)
+
+
+@pytest.mark.parametrize("kind", FRACTALS, ids=[kind.name for kind in FRACTALS])
+def test_no_direction_is_preferred(kind: type[Fractal]) -> None:
+    """Squared differences over equal distances, along the axes and the diagonals."""
+    straight, slant = 0.0, 0.0
+    for seed in range(6):
+        terrain = generate(kind.name, 257, 10.0, run=Run(seed), wavelength=400.0, octaves=3)
+        z = terrain.elevation.astype(np.float64)
+        straight += ((z[7:] - z[:-7]) ** 2).mean() + ((z[:, 7:] - z[:, :-7]) ** 2).mean()
+        slant += ((z[5:, 5:] - z[:-5, :-5]) ** 2).mean() + ((z[5:, :-5] - z[:-5, 5:]) ** 2).mean()
+    # 5 sqrt 2 is 7.07; noise of this roughness grows with the square or less
+    assert slant / straight == pytest.approx((5 * np.sqrt(2) / 7) ** 1.5, rel=0.12)
+
+
+def test_multifractals_are_rougher_where_they_are_high() -> None:
+    for name in ("heterogeneous_terrain", "hybrid_multifractal", "ridged_multifractal"):
+        z = made_named(name, 3, octaves=8)
+        rough = np.abs(z[1:-1, 2:] + z[1:-1, :-2] + z[2:, 1:-1] + z[:-2, 1:-1] - 4 * z[1:-1, 1:-1])
+        high = z[1:-1, 1:-1] > np.quantile(z, 0.75)
+        low = z[1:-1, 1:-1] < np.quantile(z, 0.25)
+        assert rough[high].mean() > 1.3 * rough[low].mean(), name
+
+
+def test_ridges_are_sharp_and_valleys_are_not() -> None:
+    z = made_named("ridged_multifractal", 1, octaves=1)
+    bend = z[1:-1, 2:] + z[1:-1, :-2] + z[2:, 1:-1] + z[:-2, 1:-1] - 4 * z[1:-1, 1:-1]
+    assert -bend.min() > 4 * bend.max()
+
+
+def test_damping_smooths_slopes() -> None:
+    def detail(damping: float) -> float:
+        z = made_named("slope_damped", 5, octaves=8, damping=damping)
+        steep = np.hypot(*np.gradient(z))
+        return float(np.abs(np.diff(z, 2, axis=0))[:, :][steep[1:-1] > np.median(steep)].mean())
+
+    assert detail(4.0) < 0.7 * detail(0.0)
+
+
+def test_warp_of_nothing_is_the_source_bit_for_bit() -> None:
+    grid = Grid((65, 65), 50.0)
+    for device in ("numpy", None):
+        run = Run(4, device)
+        still = DomainWarp(source=Fbm(octaves=4), strength=0.0).generate(grid, run).elevation
+        assert np.array_equal(still, Fbm(octaves=4).generate(grid, run).elevation)
+
+
+def test_warps_nest() -> None:
+    grid = Grid((33, 65), 50.0)
+    inner = DomainWarp(source=Fbm(octaves=4), strength=300.0, depth=2, seed=1)
+    outer = DomainWarp(source=inner, strength=200.0, depth=3, seed=2)
+    reference, ours = (outer.generate(grid, Run(4, d)).elevation for d in ("numpy", None))
+    assert np.array_equal(reference, ours)
+    assert not np.array_equal(ours, inner.generate(grid, Run(4)).elevation)
+
+
+def test_warp_moves_no_place_farther_than_its_strength() -> None:
+    """A cone's slope turns metres of displacement into metres of height."""
+    grid = Grid((65, 65), 50.0)
+    ramp = {"use": "expression", "formula": "0.5 * x", "center": [0.0, 0.0]}
+    warped = DomainWarp(source=ramp, strength=100.0).generate(grid, Run(4)).elevation
+    moved = (warped - 0.5 * 50.0 * np.arange(65)[None, :]) / 0.5
+    assert 30.0 < np.abs(moved).max() <= 100.0
+
+
+def test_samples_cannot_be_warped() -> None:
+    grid = Grid((33, 33), 50.0)
+    source = {"use": "diamond_square"}
+    with pytest.raises(ParameterError, match="cannot be warped"):
+        DomainWarp(source=source).generate(grid, Run(1))
+
+
+def test_amplitude_follows_another_generator() -> None:
+    grid = Grid((33, 33), 100.0)
+    driven = Fbm(amplitude={"use": "fbm", "amplitude": 50.0, "offset": 60.0, "seed": 9}, octaves=3)
+    flat = Fbm(amplitude=1.0, octaves=3)
+    strength = Fbm(amplitude=50.0, offset=60.0, seed=9)
+    made = [execute(kind, grid, Run(2)).elevation for kind in (driven, flat, strength)]
+    assert np.allclose(made[0], made[1] * made[2], rtol=1e-5)

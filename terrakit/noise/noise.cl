@@ -1,0 +1,446 @@
+// Lattice noise: one octave at a time, for kernels to sum, bend and fold. Twin of reference.py.
+//
+// Every basis is float noise_NAME(int i, int j, float x, float y, uint low, uint high): the cell
+// (i, j) of the lattice, wrapping at 2^32, the fraction x, y in it, in [0, 1), and two seed words.
+// Only inlined arithmetic and selects: a call or a branch keeps the loop around it scalar.
+
+#define NOISE __attribute__((always_inline)) inline
+
+// Put before a loop over samples of a row. The width is said, because the widest type in the loop,
+// the 64-bit position, would make the compiler choose half of it or less.
+#ifndef NOISE_LANES
+#define NOISE_LANES 16
+#endif
+#define NOISE_TEXT(x) #x
+#define NOISE_PRAGMA(x) _Pragma(NOISE_TEXT(x))
+#ifdef TERRAKIT_CPU
+#define NOISE_LOOP_OF(lanes) NOISE_PRAGMA(clang loop vectorize(assume_safety) vectorize_width(lanes))
+#define NOISE_LOOP NOISE_LOOP_OF(NOISE_LANES)
+#else
+#define NOISE_LOOP
+#endif
+
+// Correctly rounded like sqrt(), which is a library call that stops wide loops on processors.
+#ifdef TERRAKIT_CPU
+#define noise_root(x) __builtin_sqrtf(x)
+#else
+#define noise_root(x) sqrt(x)
+#endif
+
+#define NOISE_COLUMN 0x9e3779b1u
+#define NOISE_ROW 0x85ebca77u
+
+NOISE float noise_magnitude(float x)
+{
+    return as_float(as_uint(x) & 0x7fffffffu);
+}
+
+// Seed words of the columns and of the rows. Loops over samples hoist them.
+NOISE uint noise_column_seed(uint low)
+{
+    return exact_mix(low + 0x68e31da4u);
+}
+
+NOISE uint noise_row_seed(uint low, uint high)
+{
+    return exact_mix(high ^ noise_column_seed(low));
+}
+
+// Odd word of a lattice line; product is its index times NOISE_COLUMN or NOISE_ROW.
+NOISE uint noise_line(uint product, uint seed)
+{
+    return (product ^ (product >> 15) ^ seed) | 1u;
+}
+
+// The hash of a lattice point is the product of the words of its column and its row: one multiply
+// a point. High bits are good; this spreads them where low bits are needed too.
+NOISE uint noise_spread(uint hash)
+{
+    const uint h = hash ^ (hash >> 15);
+    return h * 0x846ca68bu;
+}
+
+// In [-1, 1], from the high bits.
+NOISE float noise_signed(uint hash)
+{
+    return (float)(int)hash * 4.656612873077393e-10f;
+}
+
+// 6 t^5 - 15 t^4 + 10 t^3 and its slope.
+NOISE float noise_fade(float t)
+{
+    return t * t * t * (t * (t * 6.0f - 15.0f) + 10.0f);
+}
+
+NOISE float noise_fade_slope(float t)
+{
+    const float s = t * (t - 1.0f);
+    return 30.0f * (s * s);
+}
+
+// Direction of a lattice gradient: parabolas through the zeros and peaks of sine and cosine,
+// scaled by 2^60. Lengths differ by 6 percent, the same in every quadrant.
+NOISE void noise_direction(uint hash, float *gx, float *gy)
+{
+    const float t = (float)(int)hash;
+    const float a = noise_magnitude(t);
+    const float q = 1073741824.0f - a;
+    *gx = q * (2147483648.0f - noise_magnitude(q));
+    *gy = t * (2147483648.0f - a);
+}
+
+NOISE float noise_ramp(uint hash, float x, float y)
+{
+    float gx, gy;
+    noise_direction(hash, &gx, &gy);
+    return gx * x + gy * y;
+}
+
+// One value a cell, in [-1, 1].
+NOISE float noise_white(int i, int j, float x, float y, uint low, uint high)
+{
+    const uint column = noise_line((uint)i * NOISE_COLUMN, noise_column_seed(low));
+    const uint row = noise_line((uint)j * NOISE_ROW, noise_row_seed(low, high));
+    return noise_signed(noise_spread(column * row));
+}
+
+// Values at lattice points, joined by quintics; in [-1, 1].
+NOISE float noise_value_slope(
+    int i, int j, float x, float y, uint low, uint high, float *dx, float *dy)
+{
+    const uint column_seed = noise_column_seed(low);
+    const uint row_seed = noise_row_seed(low, high);
+    const uint column = (uint)i * NOISE_COLUMN;
+    const uint row = (uint)j * NOISE_ROW;
+    const uint west = noise_line(column, column_seed);
+    const uint east = noise_line(column + NOISE_COLUMN, column_seed);
+    const uint south = noise_line(row, row_seed);
+    const uint north = noise_line(row + NOISE_ROW, row_seed);
+    const float a = noise_signed(west * south);
+    const float b = noise_signed(east * south);
+    const float c = noise_signed(west * north);
+    const float d = noise_signed(east * north);
+    const float fx = noise_fade(x);
+    const float fy = noise_fade(y);
+    const float low_side = a + fx * (b - a);
+    const float high_side = c + fx * (d - c);
+    *dx = noise_fade_slope(x) * ((b - a) + fy * ((d - c) - (b - a)));
+    *dy = noise_fade_slope(y) * (high_side - low_side);
+    return low_side + fy * (high_side - low_side);
+}
+
+NOISE float noise_value(int i, int j, float x, float y, uint low, uint high)
+{
+    float dx, dy;
+    return noise_value_slope(i, j, x, y, low, high, &dx, &dy);
+}
+
+// Gradients at lattice points, joined by quintics (Perlin 2002); in [-1, 1].
+#define NOISE_GRADIENT_SCALE 1.1564811e-18f
+NOISE float noise_gradient_slope(
+    int i, int j, float x, float y, uint low, uint high, float *dx, float *dy)
+{
+    const uint column_seed = noise_column_seed(low);
+    const uint row_seed = noise_row_seed(low, high);
+    const uint column = (uint)i * NOISE_COLUMN;
+    const uint row = (uint)j * NOISE_ROW;
+    const uint west = noise_line(column, column_seed);
+    const uint east = noise_line(column + NOISE_COLUMN, column_seed);
+    const uint south = noise_line(row, row_seed);
+    const uint north = noise_line(row + NOISE_ROW, row_seed);
+    float ax, ay, bx, by, cx, cy, ex, ey;
+    noise_direction(west * south, &ax, &ay);
+    noise_direction(east * south, &bx, &by);
+    noise_direction(west * north, &cx, &cy);
+    noise_direction(east * north, &ex, &ey);
+    const float x1 = x - 1.0f;
+    const float y1 = y - 1.0f;
+    const float a = ax * x + ay * y;
+    const float b = bx * x1 + by * y;
+    const float c = cx * x + cy * y1;
+    const float d = ex * x1 + ey * y1;
+    const float fx = noise_fade(x);
+    const float fy = noise_fade(y);
+    const float low_side = a + fx * (b - a);
+    const float high_side = c + fx * (d - c);
+    const float low_x = ax + fx * (bx - ax);
+    const float high_x = cx + fx * (ex - cx);
+    const float low_y = ay + fx * (by - ay);
+    const float high_y = cy + fx * (ey - cy);
+    const float across = (b - a) + fy * ((d - c) - (b - a));
+    const float along_x = (low_x + fy * (high_x - low_x)) + noise_fade_slope(x) * across;
+    const float along_y =
+        (low_y + fy * (high_y - low_y)) + noise_fade_slope(y) * (high_side - low_side);
+    *dx = along_x * NOISE_GRADIENT_SCALE;
+    *dy = along_y * NOISE_GRADIENT_SCALE;
+    return (low_side + fy * (high_side - low_side)) * NOISE_GRADIENT_SCALE;
+}
+
+NOISE float noise_gradient(int i, int j, float x, float y, uint low, uint high)
+{
+    float dx, dy;
+    return noise_gradient_slope(i, j, x, y, low, high, &dx, &dy);
+}
+
+// Gradients at the corners of triangles (Perlin 2001), each fading to nothing at 1/sqrt(2).
+// The position is skewed: the lattice of the caller has sides along the triangles'.
+#define NOISE_UNSKEW 0.21132487f
+#define NOISE_SIMPLEX_SCALE 8.1124907e-17f
+NOISE float noise_simplex_slope(
+    int i, int j, float x, float y, uint low, uint high, float *dx, float *dy)
+{
+    const uint column_seed = noise_column_seed(low);
+    const uint row_seed = noise_row_seed(low, high);
+    const uint column = (uint)i * NOISE_COLUMN;
+    const uint row = (uint)j * NOISE_ROW;
+    const uint west = noise_line(column, column_seed);
+    const uint east = noise_line(column + NOISE_COLUMN, column_seed);
+    const uint south = noise_line(row, row_seed);
+    const uint north = noise_line(row + NOISE_ROW, row_seed);
+
+    // The middle corner is the south-east or the north-west one
+    const bool right = x > y;
+    const uint middle_column = right ? east : west;
+    const uint middle_row = right ? south : north;
+    const float unskew = (x + y) * NOISE_UNSKEW;
+    const float x0 = x - unskew;
+    const float y0 = y - unskew;
+    const float x1 = x0 + (right ? NOISE_UNSKEW - 1.0f : NOISE_UNSKEW);
+    const float y1 = y0 + (right ? NOISE_UNSKEW : NOISE_UNSKEW - 1.0f);
+    const float x2 = x0 + (2.0f * NOISE_UNSKEW - 1.0f);
+    const float y2 = y0 + (2.0f * NOISE_UNSKEW - 1.0f);
+
+    float ax, ay, bx, by, cx, cy;
+    noise_direction(west * south, &ax, &ay);
+    noise_direction(middle_column * middle_row, &bx, &by);
+    noise_direction(east * north, &cx, &cy);
+    const float a = ax * x0 + ay * y0;
+    const float b = bx * x1 + by * y1;
+    const float c = cx * x2 + cy * y2;
+    const float reach_a = 0.5f - (x0 * x0 + y0 * y0);
+    const float reach_b = 0.5f - (x1 * x1 + y1 * y1);
+    const float reach_c = 0.5f - (x2 * x2 + y2 * y2);
+    const float ta = reach_a > 0.0f ? reach_a : 0.0f;
+    const float tb = reach_b > 0.0f ? reach_b : 0.0f;
+    const float tc = reach_c > 0.0f ? reach_c : 0.0f;
+    const float sa = ta * ta;
+    const float sb = tb * tb;
+    const float sc = tc * tc;
+    const float pa = sa * sa;
+    const float pb = sb * sb;
+    const float pc = sc * sc;
+
+    // Slope along the straight axes
+    const float fa = 8.0f * (sa * ta) * a;
+    const float fb = 8.0f * (sb * tb) * b;
+    const float fc = 8.0f * (sc * tc) * c;
+    const float ux = ((pa * ax - fa * x0) + (pb * bx - fb * x1)) + (pc * cx - fc * x2);
+    const float uy = ((pa * ay - fa * y0) + (pb * by - fb * y1)) + (pc * cy - fc * y2);
+    *dx = ux * NOISE_SIMPLEX_SCALE;
+    *dy = uy * NOISE_SIMPLEX_SCALE;
+    return ((pa * a + pb * b) + pc * c) * NOISE_SIMPLEX_SCALE;
+}
+
+NOISE float noise_simplex(int i, int j, float x, float y, uint low, uint high)
+{
+    float dx, dy;
+    return noise_simplex_slope(i, j, x, y, low, high, &dx, &dy);
+}
+
+// Cellular noise (Worley 1996): distances to points, one anywhere in each cell, in cells.
+// Inside, a cell is 2^32 wide, so that hashes are offsets from its middle as they are.
+typedef struct {
+    float f1, f2, f3, f4;  // what the metric measures, ascending
+    uint nearest;          // hash of the nearest point; of equally near ones the first
+} noise_near;
+
+#define NOISE_SIDE 4294967296.0f
+
+NOISE float noise_least(float a, float b)
+{
+    return a < b ? a : b;
+}
+
+NOISE float noise_most(float a, float b)
+{
+    return a > b ? a : b;
+}
+
+NOISE void noise_keep(noise_near *near, float apart, uint hash)
+{
+    near->nearest = apart < near->f1 ? hash : near->nearest;
+    const float beyond_1 = noise_most(near->f1, apart);
+    near->f1 = noise_least(near->f1, apart);
+    const float beyond_2 = noise_most(near->f2, beyond_1);
+    near->f2 = noise_least(near->f2, beyond_1);
+    const float beyond_3 = noise_most(near->f3, beyond_2);
+    near->f3 = noise_least(near->f3, beyond_2);
+    near->f4 = noise_least(near->f4, beyond_3);
+}
+
+// What each metric measures, something that grows with the distance, and the distance from that.
+#define NOISE_APART_euclidean(x, y) ((x) * (x) + (y) * (y))
+#define NOISE_LENGTH_euclidean(apart) (noise_root(apart) * 2.3283064365386963e-10f)
+#define NOISE_APART_euclidean_squared(x, y) ((x) * (x) + (y) * (y))
+#define NOISE_LENGTH_euclidean_squared(apart) ((apart) * 5.421010862427522e-20f)
+#define NOISE_APART_manhattan(x, y) (noise_magnitude(x) + noise_magnitude(y))
+#define NOISE_LENGTH_manhattan(apart) ((apart) * 2.3283064365386963e-10f)
+#define NOISE_APART_chebyshev(x, y) noise_most(noise_magnitude(x), noise_magnitude(y))
+#define NOISE_LENGTH_chebyshev(apart) ((apart) * 2.3283064365386963e-10f)
+#define NOISE_APART_minkowski_half(x, y) \
+    (noise_root(noise_magnitude(x)) + noise_root(noise_magnitude(y)))
+#define NOISE_LENGTH_minkowski_half(apart) ((apart) * (apart) * 2.3283064365386963e-10f)
+
+#define NOISE_VISIT(metric, column, across, row, down)                       \
+    {                                                                        \
+        const uint hash = (column) * (row);                                  \
+        const float to_x = (across) + (float)(int)hash;                      \
+        const float to_y = (down) + (float)(int)(hash << 11);                \
+        noise_keep(&near, NOISE_APART_##metric(to_x, to_y), hash);           \
+    }
+
+// Four by four cells about the nearest corner of the lattice: what is outside is 1.5 away.
+// Five by five about the cell: what is outside is 2 away.
+#define NOISE_LINES(n, lines, product, step, seed, start, from)                              \
+    const uint lines##n = noise_line((product) + (n##u) * (step), seed);                     \
+    const float lines##_at##n = ((start) + (n##.0f) * NOISE_SIDE) - (from) * NOISE_SIDE;
+#define NOISE_VISIT_4(metric, n)                                             \
+    NOISE_VISIT(metric, column0, column_at0, row##n, row_at##n)              \
+    NOISE_VISIT(metric, column1, column_at1, row##n, row_at##n)              \
+    NOISE_VISIT(metric, column2, column_at2, row##n, row_at##n)              \
+    NOISE_VISIT(metric, column3, column_at3, row##n, row_at##n)
+#define NOISE_VISIT_5(metric, n)                                             \
+    NOISE_VISIT_4(metric, n)                                                 \
+    NOISE_VISIT(metric, column4, column_at4, row##n, row_at##n)
+
+#define NOISE_SEARCHES(metric)                                                                  \
+    NOISE noise_near noise_search_4_##metric(                                                   \
+        int i, int j, float x, float y, uint low, uint high)                                    \
+    {                                                                                           \
+        const uint column_seed = noise_column_seed(low);                                        \
+        const uint row_seed = noise_row_seed(low, high);                                        \
+        const uint columns = ((uint)i - (x < 0.5f ? 2u : 1u)) * NOISE_COLUMN;                   \
+        const uint rows = ((uint)j - (y < 0.5f ? 2u : 1u)) * NOISE_ROW;                         \
+        const float west = x < 0.5f ? -1.5f * NOISE_SIDE : -0.5f * NOISE_SIDE;                  \
+        const float south = y < 0.5f ? -1.5f * NOISE_SIDE : -0.5f * NOISE_SIDE;                 \
+        NOISE_LINES(0, column, columns, NOISE_COLUMN, column_seed, west, x)                     \
+        NOISE_LINES(1, column, columns, NOISE_COLUMN, column_seed, west, x)                     \
+        NOISE_LINES(2, column, columns, NOISE_COLUMN, column_seed, west, x)                     \
+        NOISE_LINES(3, column, columns, NOISE_COLUMN, column_seed, west, x)                     \
+        NOISE_LINES(0, row, rows, NOISE_ROW, row_seed, south, y)                                \
+        NOISE_LINES(1, row, rows, NOISE_ROW, row_seed, south, y)                                \
+        NOISE_LINES(2, row, rows, NOISE_ROW, row_seed, south, y)                                \
+        NOISE_LINES(3, row, rows, NOISE_ROW, row_seed, south, y)                                \
+        noise_near near = {1e30f, 1e30f, 1e30f, 1e30f, 0u};                                     \
+        NOISE_VISIT_4(metric, 0)                                                                \
+        NOISE_VISIT_4(metric, 1)                                                                \
+        NOISE_VISIT_4(metric, 2)                                                                \
+        NOISE_VISIT_4(metric, 3)                                                                \
+        return near;                                                                            \
+    }                                                                                           \
+    NOISE noise_near noise_search_5_##metric(                                                   \
+        int i, int j, float x, float y, uint low, uint high)                                    \
+    {                                                                                           \
+        const uint column_seed = noise_column_seed(low);                                        \
+        const uint row_seed = noise_row_seed(low, high);                                        \
+        const uint columns = ((uint)i - 2u) * NOISE_COLUMN;                                     \
+        const uint rows = ((uint)j - 2u) * NOISE_ROW;                                           \
+        NOISE_LINES(0, column, columns, NOISE_COLUMN, column_seed, -1.5f * NOISE_SIDE, x)       \
+        NOISE_LINES(1, column, columns, NOISE_COLUMN, column_seed, -1.5f * NOISE_SIDE, x)       \
+        NOISE_LINES(2, column, columns, NOISE_COLUMN, column_seed, -1.5f * NOISE_SIDE, x)       \
+        NOISE_LINES(3, column, columns, NOISE_COLUMN, column_seed, -1.5f * NOISE_SIDE, x)       \
+        NOISE_LINES(4, column, columns, NOISE_COLUMN, column_seed, -1.5f * NOISE_SIDE, x)       \
+        NOISE_LINES(0, row, rows, NOISE_ROW, row_seed, -1.5f * NOISE_SIDE, y)                   \
+        NOISE_LINES(1, row, rows, NOISE_ROW, row_seed, -1.5f * NOISE_SIDE, y)                   \
+        NOISE_LINES(2, row, rows, NOISE_ROW, row_seed, -1.5f * NOISE_SIDE, y)                   \
+        NOISE_LINES(3, row, rows, NOISE_ROW, row_seed, -1.5f * NOISE_SIDE, y)                   \
+        NOISE_LINES(4, row, rows, NOISE_ROW, row_seed, -1.5f * NOISE_SIDE, y)                   \
+        noise_near near = {1e30f, 1e30f, 1e30f, 1e30f, 0u};                                     \
+        NOISE_VISIT_5(metric, 0)                                                                \
+        NOISE_VISIT_5(metric, 1)                                                                \
+        NOISE_VISIT_5(metric, 2)                                                                \
+        NOISE_VISIT_5(metric, 3)                                                                \
+        NOISE_VISIT_5(metric, 4)                                                                \
+        return near;                                                                            \
+    }
+
+// Two over the range of each distance that all but a thousandth of places keep to: what is shown is
+// the distance from -1 at nothing to 1 at that. reference.py holds the ranges.
+#define NOISE_SPREAD_euclidean_f1 2.0f
+#define NOISE_SPREAD_euclidean_f2 1.60000002f
+#define NOISE_SPREAD_euclidean_f3 1.4545455f
+#define NOISE_SPREAD_euclidean_f4 1.33333337f
+#define NOISE_SPREAD_euclidean_gap 2.0f
+#define NOISE_SPREAD_euclidean_squared_f1 2.0f
+#define NOISE_SPREAD_euclidean_squared_f2 1.33333337f
+#define NOISE_SPREAD_euclidean_squared_f3 1.06666672f
+#define NOISE_SPREAD_euclidean_squared_f4 0.888888896f
+#define NOISE_SPREAD_euclidean_squared_gap 1.4545455f
+#define NOISE_SPREAD_manhattan_f1 1.60000002f
+#define NOISE_SPREAD_manhattan_f2 1.33333337f
+#define NOISE_SPREAD_manhattan_f3 1.14285719f
+#define NOISE_SPREAD_manhattan_f4 1.0f
+#define NOISE_SPREAD_manhattan_gap 1.60000002f
+#define NOISE_SPREAD_chebyshev_f1 2.28571439f
+#define NOISE_SPREAD_chebyshev_f2 1.77777779f
+#define NOISE_SPREAD_chebyshev_f3 1.60000002f
+#define NOISE_SPREAD_chebyshev_f4 1.4545455f
+#define NOISE_SPREAD_chebyshev_gap 2.28571439f
+#define NOISE_SPREAD_minkowski_half_f1 0.842105269f
+#define NOISE_SPREAD_minkowski_half_f2 0.727272749f
+#define NOISE_SPREAD_minkowski_half_f3 0.639999986f
+#define NOISE_SPREAD_minkowski_half_f4 0.571428597f
+#define NOISE_SPREAD_minkowski_half_gap 0.888888896f
+
+#define NOISE_CELLULAR(suffix, metric, first, more)                                             \
+    NOISE float noise_cellular_f1##suffix(int i, int j, float x, float y, uint low, uint high)  \
+    {                                                                                           \
+        const noise_near near = noise_search_##first##_##metric(i, j, x, y, low, high);         \
+        return NOISE_LENGTH_##metric(near.f1) * NOISE_SPREAD_##metric##_f1 - 1.0f;              \
+    }                                                                                           \
+    NOISE float noise_cellular_f2##suffix(int i, int j, float x, float y, uint low, uint high)  \
+    {                                                                                           \
+        const noise_near near = noise_search_##more##_##metric(i, j, x, y, low, high);          \
+        return NOISE_LENGTH_##metric(near.f2) * NOISE_SPREAD_##metric##_f2 - 1.0f;              \
+    }                                                                                           \
+    NOISE float noise_cellular_f3##suffix(int i, int j, float x, float y, uint low, uint high)  \
+    {                                                                                           \
+        const noise_near near = noise_search_##more##_##metric(i, j, x, y, low, high);          \
+        return NOISE_LENGTH_##metric(near.f3) * NOISE_SPREAD_##metric##_f3 - 1.0f;              \
+    }                                                                                           \
+    NOISE float noise_cellular_f4##suffix(int i, int j, float x, float y, uint low, uint high)  \
+    {                                                                                           \
+        const noise_near near = noise_search_##more##_##metric(i, j, x, y, low, high);          \
+        return NOISE_LENGTH_##metric(near.f4) * NOISE_SPREAD_##metric##_f4 - 1.0f;              \
+    }                                                                                           \
+    NOISE float noise_cellular_f2_minus_f1##suffix(                                             \
+        int i, int j, float x, float y, uint low, uint high)                                    \
+    {                                                                                           \
+        const noise_near near = noise_search_##more##_##metric(i, j, x, y, low, high);          \
+        const float gap = NOISE_LENGTH_##metric(near.f2) - NOISE_LENGTH_##metric(near.f1);      \
+        return gap * NOISE_SPREAD_##metric##_gap - 1.0f;                                        \
+    }                                                                                           \
+    NOISE float noise_cellular_crackle##suffix(                                                 \
+        int i, int j, float x, float y, uint low, uint high)                                    \
+    {                                                                                           \
+        const noise_near near = noise_search_##more##_##metric(i, j, x, y, low, high);          \
+        const float gap = NOISE_LENGTH_##metric(near.f2) - NOISE_LENGTH_##metric(near.f1);      \
+        return noise_least(gap * 10.0f, 1.0f) * 2.0f - 1.0f;                                    \
+    }                                                                                           \
+    NOISE float noise_cellular_value##suffix(                                                   \
+        int i, int j, float x, float y, uint low, uint high)                                    \
+    {                                                                                           \
+        const noise_near near = noise_search_##first##_##metric(i, j, x, y, low, high);         \
+        return noise_signed(noise_spread(near.nearest));                                        \
+    }
+
+NOISE_SEARCHES(euclidean)
+NOISE_SEARCHES(euclidean_squared)
+NOISE_SEARCHES(manhattan)
+NOISE_SEARCHES(chebyshev)
+NOISE_SEARCHES(minkowski_half)
+NOISE_CELLULAR(, euclidean, 4, 5)
+NOISE_CELLULAR(_euclidean_squared, euclidean_squared, 4, 5)
+NOISE_CELLULAR(_manhattan, manhattan, 5, 5)
+NOISE_CELLULAR(_chebyshev, chebyshev, 4, 4)
+NOISE_CELLULAR(_minkowski_half, minkowski_half, 5, 5)
