@@ -33,7 +33,7 @@ class DomainWarp(FormulaGenerator):
         "The generator that is bent: noise, a landform, another domain_warp.",
     )
     strength: Maskable = parameter(
-        800.0, "Farthest that a place is moved.", unit="m", ge=0, le=1e6
+        3000.0, "Farthest that a place is moved.", unit="m", ge=0, le=1e6
     )
     wavelength: float = parameter(
         4000.0, "Distance between the largest bends.", unit="m", gt=0, le=1e8
@@ -46,8 +46,8 @@ class DomainWarp(FormulaGenerator):
     seed: Seed = parameter(0, "Another number or word gives other hills.")
 
     presets: ClassVar = {
-        "marble": {"strength": 1500.0, "depth": 3},
-        "breeze": {"strength": 250.0, "depth": 1, "octaves": 3},
+        "marble": {"strength": 5000.0, "depth": 3},
+        "breeze": {"strength": 1000.0, "depth": 1, "octaves": 3},
     }
 
     def height(self, place: Place) -> Formula:
