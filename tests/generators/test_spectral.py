@@ -50,9 +50,9 @@ def test_spectrum_falls_as_the_hurst_exponent_says(hurst: float) -> None:
 def test_variogram_follows_the_hurst_exponent(hurst: float) -> None:
     # Lags well above the last wave and well below the period
     slopes = []
-    for seed in range(4):
-        z = made((512, 512), 10.0, run_seed=seed, period=5120.0 * 4, hurst_exponent=hurst)
-        lags = (8, 12, 16, 24, 32, 48)
+    for seed in range(3):
+        z = made((512, 512), 10.0, run_seed=seed, period=5120.0 * 2, hurst_exponent=hurst)
+        lags = (6, 8, 12, 16, 24)
         means = [
             ((z[k:] - z[:-k]) ** 2).mean() + ((z[:, k:] - z[:, :-k]) ** 2).mean() for k in lags
         ]
@@ -124,9 +124,7 @@ def test_cuts_leave_only_the_waves_between() -> None:
 def test_stretched_hills_point_where_they_are_told(
     direction: float, axis: tuple[float, float]
 ) -> None:
-    z = made(
-        stretch=4.0, direction=direction, longest_wavelength=600.0, shortest_wavelength=100.0
-    )
+    z = made(stretch=4.0, direction=direction, longest_wavelength=600.0, shortest_wavelength=100.0)
     north, east = np.gradient(z)
     north = -north  # row 0 is north
     tensor = np.array(
