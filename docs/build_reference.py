@@ -17,9 +17,10 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
+from terrakit.cli.describe import snippet
 from terrakit.layers import VOCABULARY
 from terrakit.operators import Operator
-from terrakit.parameters import bounds_text, type_text, unit_of
+from terrakit.parameters import bounds_text, is_maskable, is_source, type_text, unit_of
 from terrakit.registry import Registry
 from terrakit.schema import recipe_schema
 
@@ -27,6 +28,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 FOLDER = REPOSITORY / "docs" / "reference"
 TITLES = {
     "generator": "Generators",
+    "filter": "Filters",
     "erosion": "Erosion",
     "texture": "Textures",
     "importer": "Importers",
@@ -134,7 +136,7 @@ def layers_page(operators: list[type[Operator]]) -> str:
 def operator_page(operator: type[Operator]) -> str:
     """Return the page of one operator."""
     lines = [f"# {operator.name}", "", _generated(), "", *_markdown(inspect.getdoc(operator) or "")]
-    lines += ["", "## In a recipe", "", "```toml", *_snippet(operator), "```", ""]
+    lines += ["", "## In a recipe", "", "```toml", *snippet(operator), "```", ""]
     if operator.model_fields:
         lines += [
             "## Parameters",
@@ -167,7 +169,7 @@ def _facts(operator: type[Operator]) -> Iterator[str]:
     shown = ", ".join(f"`{suffix}`" for suffix in suffixes)
     if shown:
         yield f"- **Extensions**: {shown}"
-    if operator.kind in ("generator", "erosion", "texture"):
+    if operator.kind in ("generator", "filter", "erosion", "texture"):
         same = "yes" if operator.parity == "exact" else f"no ({operator.parity})"
         yield f"- **Same bytes on every device**: {same}"
         yield f"- **Looks at**: {LOCALITY.get(operator.locality, operator.locality)}"
@@ -192,8 +194,10 @@ def _own_readme(operator: type[Operator]) -> Path | None:
 
 def _row(name: str, field: FieldInfo) -> str:
     allowed = bounds_text(field).replace("x", name) or type_text(field.annotation)
-    if bounds_text(field) and "layer" in type_text(field.annotation):
+    if bounds_text(field) and is_maskable(field.annotation):
         allowed += "; maskable"
+    if bounds_text(field) and is_source(field.annotation):
+        allowed += "; or a terrain"
     unit = unit_of(field)
     if field.is_required():
         default = "must be given"
@@ -202,17 +206,6 @@ def _row(name: str, field: FieldInfo) -> str:
     else:
         default = f"`{json.dumps(field.default, default=str)}` {unit}".rstrip()
     return f"| `{name}` | {default} | {_cell(allowed)} | {_cell(field.description or '')} |"
-
-
-def _snippet(operator: type[Operator]) -> Iterator[str]:
-    yield "[[step]]"
-    yield f'use = "{operator.name}"'
-    if operator.kind == "importer":
-        suffix = next(iter(getattr(operator, "suffixes", ())), "")
-        yield f'file = "terrain{suffix}"'
-    for name, field in operator.model_fields.items():
-        if isinstance(field.default, (bool, int, float, str)):
-            yield f"{name} = {json.dumps(field.default)}"
 
 
 def _settings(given: dict[str, Any]) -> str:

@@ -12,11 +12,11 @@ rivers and scree work on it for a while, to see whether a landform still is what
 from __future__ import annotations
 
 import argparse
+import io
 import math
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from terrakit import Grid, Heightfield, Run
@@ -100,10 +100,7 @@ def main() -> None:
         across = _distance(generator.portrait or WIDEST)
         image = picture(generator, chosen.seed, chosen.erode)
         pictures.append((f"{title}, {across}", image))
-        print(title, np.asarray(image).shape)
     drawn = sheet(pictures, chosen.width, min(chosen.columns, max(1, len(pictures))))
-    import io
-
     stream = io.BytesIO()
     options = {"quality": 80, "method": 6} if chosen.out.suffix == ".webp" else {}
     drawn.save(stream, "WEBP" if chosen.out.suffix == ".webp" else "PNG", **options)

@@ -10,7 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from terrakit.api import analyze, erode, export, generate, load, run, texture
+    from terrakit.api import analyze, apply, erode, export, generate, load, run, texture
     from terrakit.errors import (
         Cancelled,
         DeviceError,
@@ -26,33 +26,47 @@ if TYPE_CHECKING:
     from terrakit.heightfield import Grid, Heightfield
     from terrakit.hookspecs import hookimpl
     from terrakit.mesh import TriMesh
-    from terrakit.operators import Erosion, Exporter, Generator, Importer, Texture
-    from terrakit.parameters import FromLayer, Maskable, Schedule, Seed, parameter
+    from terrakit.operators import Erosion, Exporter, Filter, Generator, Importer, Texture
+    from terrakit.parameters import (
+        FilePath,
+        FromLayer,
+        Maskable,
+        Schedule,
+        Seed,
+        StepName,
+        parameter,
+    )
     from terrakit.recipe import load_recipe
     from terrakit.running import Progress, Run
+    from terrakit.sources import Chain, Source
 
 _HOMES = {
-    "terrakit.api": "analyze erode export generate load run texture",
+    "terrakit.api": "analyze apply erode export generate load run texture",
     "terrakit.errors": "Cancelled DeviceError InputError KernelError OutputError ParameterError "
     "PluginError RecipeError ResourceError TerrakitError",
     "terrakit.heightfield": "Grid Heightfield",
     "terrakit.hookspecs": "hookimpl",
     "terrakit.mesh": "TriMesh",
-    "terrakit.operators": "Erosion Exporter Generator Importer Texture",
-    "terrakit.parameters": "FromLayer Maskable Schedule Seed parameter",
+    "terrakit.operators": "Erosion Exporter Filter Generator Importer Texture",
+    "terrakit.parameters": "FilePath FromLayer Maskable Schedule Seed StepName parameter",
     "terrakit.recipe": "load_recipe",
     "terrakit.running": "Progress Run",
+    "terrakit.sources": "Chain Source",
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names.split()}
 
 __all__ = [  # noqa: RUF022  (sorted as people read, case aside)
     "analyze",
+    "apply",
     "Cancelled",
+    "Chain",
     "DeviceError",
     "erode",
     "Erosion",
     "export",
     "Exporter",
+    "Filter",
+    "FilePath",
     "FromLayer",
     "generate",
     "Generator",
@@ -76,6 +90,8 @@ __all__ = [  # noqa: RUF022  (sorted as people read, case aside)
     "Run",
     "Schedule",
     "Seed",
+    "Source",
+    "StepName",
     "TerrakitError",
     "texture",
     "Texture",

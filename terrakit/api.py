@@ -15,7 +15,8 @@ from terrakit.errors import InputError, ParameterError
 from terrakit.execute import execute, surface_of
 from terrakit.heightfield import Grid, Heightfield
 from terrakit.mesh import TriMesh
-from terrakit.operators import Importer, Operator, Surface
+from terrakit.operators import Importer, Surface
+from terrakit.parameters import is_step_name
 from terrakit.registry import default_registry
 from terrakit.running import Progress, Run
 
@@ -98,20 +99,26 @@ def generate(
     run
         Seed, device, progress; by default seed 0 on the best device.
     settings
-        The generator's parameters.
+        The generator's parameters. What takes a terrain takes a Heightfield here too.
     """
     shape = (shape, shape) if isinstance(shape, int) else shape
-    result: Heightfield = execute(
-        _operator(name, "generator", settings), Grid(shape, spacing, origin), run or Run()
-    )
+    result: Heightfield = _made(name, "generator", settings, Grid(shape, spacing, origin), run)
+    return result
+
+
+def apply(surface: AnySurface, name: str, *, run: Run | None = None, **settings: Any) -> AnySurface:
+    """Return the surface after a filter: ``apply(terrain, "terrace", height=50.0)``.
+
+    What takes a terrain takes a Heightfield here too, an operator, or what a recipe would say:
+    ``apply(terrain, "blend", other=generate("fbm", 513))``.
+    """
+    result: AnySurface = _made(name, "filter", settings, surface_of(surface), run)
     return result
 
 
 def erode(surface: AnySurface, name: str, *, run: Run | None = None, **settings: Any) -> AnySurface:
     """Return the surface after an erosion: ``erode(terrain, "thermal", talus_angle=33.0)``."""
-    result: AnySurface = execute(
-        _operator(name, "erosion", settings), surface_of(surface), run or Run()
-    )
+    result: AnySurface = _made(name, "erosion", settings, surface_of(surface), run)
     return result
 
 
@@ -119,9 +126,7 @@ def texture(
     surface: AnySurface, name: str, *, run: Run | None = None, **settings: Any
 ) -> AnySurface:
     """Return the surface with a texture's layers: ``texture(terrain, "slope_height")``."""
-    result: AnySurface = execute(
-        _operator(name, "texture", settings), surface_of(surface), run or Run()
-    )
+    result: AnySurface = _made(name, "texture", settings, surface_of(surface), run)
     return result
 
 
@@ -172,8 +177,8 @@ def export(
         The exporter's parameters.
     """
     target = Path(path)
-    operator = _operator(name or exporter_for(target), "exporter", settings)
-    written: list[Path] = execute(operator, (surface_of(surface), target), run or Run())
+    subject = surface_of(surface), target
+    written: list[Path] = _made(name or exporter_for(target), "exporter", settings, subject, run)
     return written
 
 
@@ -223,8 +228,19 @@ def exporter_for(path: Path) -> str:
     raise ParameterError(f"{path.name}: {shown}: no exporter writes it (known: {', '.join(known)})")
 
 
-def _operator(name: str, kind: str, settings: dict[str, Any]) -> Operator:
-    return default_registry().get(name, kind).from_settings(settings, name)
+def _made(name: str, kind: str, settings: dict[str, Any], subject: Any, run: Run | None) -> Any:
+    """Run an operator by its name; surfaces among the settings become steps that it may name."""
+    operator = default_registry().get(name, kind)
+    run = run or Run()
+    given = {key: value for key, value in settings.items() if isinstance(value, Surface)}
+    if given:
+        ledger, run = run.ledger, run.for_step(run.step)
+        run.ledger, run.earlier = ledger, {**run.earlier, **given}
+        settings = settings | {key: f"{key}.elevation" for key in given}
+        for key in given:
+            if key in operator.model_fields and is_step_name(operator.model_fields[key]):
+                settings[key] = key
+    return execute(operator.from_settings(settings, name), subject, run)
 
 
 def _guess(head: bytes) -> str:

@@ -14,8 +14,17 @@ from terrakit.errors import InputError, ParameterError, PluginError, ResourceErr
 from terrakit.heightfield import Grid, Heightfield
 from terrakit.layers import covers
 from terrakit.mesh import TriMesh
-from terrakit.operators import Erosion, Exporter, Generator, Importer, Operator, Surface, Texture
-from terrakit.running import Run
+from terrakit.operators import (
+    Erosion,
+    Exporter,
+    Filter,
+    Generator,
+    Importer,
+    Operator,
+    Surface,
+    Texture,
+)
+from terrakit.running import Run, place_of
 
 SMALLEST = 3
 """Samples a side below which erosion and texturing have nothing to work on."""
@@ -44,14 +53,16 @@ def execute(operator: Operator, subject: Any, run: Run) -> Any:
     if not isinstance(operator, (Generator, Importer)):
         _check_subject(operator, subject)
     samples = _samples(subject)
+    if isinstance(operator, Filter) and isinstance(subject, Heightfield):
+        samples = max(samples, _samples(_guarded(operator, subject.grid, run, announce=True)))
     check_memory(operator, samples)
-    if isinstance(operator, (Generator, Erosion)):
+    if isinstance(operator, (Generator, Filter, Erosion)):
         _check_device_memory(operator, samples, run)
     run.check()
-    with run.watching():
+    with run.watching(grid_under(subject)):
         result = _guarded(operator, subject, run)
     run.check()
-    if isinstance(operator, (Generator, Importer, Texture, Erosion)):
+    if isinstance(operator, (Generator, Importer, Filter, Texture, Erosion)):
         _check_surface(operator, subject, result)
     if isinstance(operator, Erosion) and not run.ledger.is_closed:
         raise PluginError(f"{_label(operator)}: left its ledger open")
@@ -109,12 +120,17 @@ def free_memory() -> int:
     return min(known) if known else 2**62
 
 
-def _guarded(operator: Operator, subject: Any, run: Run) -> Any:
-    """Call the operator's verb; turn everything unexpected into one line with its name."""
+def _guarded(operator: Operator, subject: Any, run: Run, announce: bool = False) -> Any:
+    """Call the operator's verb; turn everything unexpected into one line with its name.
+
+    ``announce`` asks a filter for the grid of its result instead.
+    """
     try:
         with np.errstate(all="warn"):
             if isinstance(operator, Generator):
                 return operator.generate(subject, run)
+            if isinstance(operator, Filter):
+                return operator.grid_after(subject) if announce else operator.apply(subject, run)
             if isinstance(operator, Erosion):
                 return operator.erode(subject, run)
             if isinstance(operator, Texture):
@@ -160,6 +176,15 @@ def _label(operator: Operator) -> str:
     return f"plugin {owner.label}: {operator.name}"
 
 
+def grid_under(subject: Any) -> Grid | None:
+    """Return the grid that an operator works on; None for meshes and files."""
+    if isinstance(subject, tuple):
+        subject = subject[0]
+    if isinstance(subject, Heightfield):
+        return subject.grid
+    return subject if isinstance(subject, Grid) else None
+
+
 def _samples(subject: Any) -> int:
     if isinstance(subject, tuple):
         subject = subject[0]
@@ -199,7 +224,10 @@ def _check_surface(operator: Operator, subject: Any, result: Any) -> None:
             f"{_label(operator)}: returned a terrain of shape {result.shape}, asked for "
             f"{subject.shape} on the same grid"
         )
-    if isinstance(subject, (Heightfield, TriMesh)):
+    may_move = isinstance(operator, Filter) and operator.changes_grid
+    if isinstance(operator, Filter) and may_move:
+        _check_moved(operator, subject, result)
+    elif isinstance(subject, (Heightfield, TriMesh)):
         same = type(result) is type(subject) and (
             result.grid == subject.grid
             if isinstance(result, Heightfield) and isinstance(subject, Heightfield)
@@ -218,8 +246,11 @@ def _check_surface(operator: Operator, subject: Any, result: Any) -> None:
             and result.layer(name) is subject.layer(name)
         ):
             continue
-        if isinstance(operator, (Generator, Erosion, Texture)) and not covers(
-            operator.writes, name
+        moved = may_move and name in before  # every layer comes along to the new grid
+        if (
+            isinstance(operator, (Generator, Filter, Erosion, Texture))
+            and not moved
+            and not covers(operator.writes, name)
         ):
             raise PluginError(
                 f"{_label(operator)}: wrote layer {name!r}, which it does not declare"
@@ -233,6 +264,21 @@ def _check_surface(operator: Operator, subject: Any, result: Any) -> None:
     missing = [name for name in before if name not in result]
     if missing:
         raise PluginError(f"{_label(operator)}: dropped layer {missing[0]!r}")
+
+
+def _check_moved(operator: Filter, subject: Any, result: Any) -> None:
+    """Check that a filter that changes the grid lands where it said it would."""
+    if type(result) is not type(subject):
+        raise PluginError(
+            f"{_label(operator)}: turned a {type(subject).__name__} into a {type(result).__name__}"
+        )
+    if isinstance(subject, Heightfield):
+        expected = operator.grid_after(subject.grid)
+        if expected is not None and result.grid != expected:
+            raise PluginError(
+                f"{_label(operator)}: returned {place_of(result.grid)}, announced "
+                f"{place_of(expected)}"
+            )
 
 
 def _checked_paths(operator: Operator, result: Any) -> list[Path]:

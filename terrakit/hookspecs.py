@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pluggy
 
 if TYPE_CHECKING:
-    from terrakit.operators import Erosion, Exporter, Generator, Importer, Surface, Texture
+    from terrakit.operators import Erosion, Exporter, Filter, Generator, Importer, Surface, Texture
     from terrakit.running import Run
 
 hookspec = pluggy.HookspecMarker("terrakit")
@@ -22,6 +22,12 @@ hookimpl = pluggy.HookimplMarker("terrakit")
 @hookspec
 def terrakit_generators() -> list[type[Generator]]:
     """Return a list of Generator subclasses."""
+    return []
+
+
+@hookspec
+def terrakit_filters() -> list[type[Filter]]:
+    """Return a list of Filter subclasses."""
     return []
 
 

@@ -1,4 +1,4 @@
-"""The five kinds of operator, and the border at which what they return is checked.
+"""The six kinds of operator, and the border at which what they return is checked.
 
 An operator *is* its parameters: a frozen pydantic model with one verb. From that one declaration
 follow recipe keys, command-line flags, help, JSON Schema, documentation and the contract tests.
@@ -18,7 +18,8 @@ from pydantic_core.core_schema import ValidationInfo
 from terrakit.errors import ParameterError
 from terrakit.heightfield import Grid, Heightfield
 from terrakit.mesh import TriMesh
-from terrakit.parameters import check_bounds, explain, resolve
+from terrakit.parameters import check_bounds, explain, members_of, resolve
+from terrakit.sources import Chain, is_chain_like
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,7 +44,7 @@ class Operator(BaseModel):
     name: ClassVar[str] = ""
     """The word for it everywhere: recipe, command line, folder, test."""
     kind: ClassVar[str] = ""
-    """``generator``, ``erosion``, ``texture``, ``importer`` or ``exporter``."""
+    """``generator``, ``filter``, ``erosion``, ``texture``, ``importer`` or ``exporter``."""
     surfaces: ClassVar[tuple[type, ...]] = (Heightfield,)
     """The types that it works on."""
     reads: ClassVar[tuple[str, ...]] = ()
@@ -99,9 +100,12 @@ class Operator(BaseModel):
         return (inspect.getdoc(cls) or "").partition("\n")[0]
 
     def value(
-        self, parameter: str, surface: Surface, fraction: float = 0.0
+        self, parameter: str, surface: Surface | Grid, fraction: float = 0.0
     ) -> float | NDArray[np.float32]:
-        """Return what a maskable parameter is now: a number, or a field of the surface's shape."""
+        """Return what a maskable parameter is now: a number, or a field of the surface's shape.
+
+        A generator asks with its grid. Chains are made once a run, on that grid.
+        """
         return resolve(self, parameter, surface, fraction)
 
     def reach(self, spacing: float) -> int | None:
@@ -111,8 +115,8 @@ class Operator(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _whole_numbers(cls, settings: Any) -> Any:
-        """Take 1e3 for 1000 where a whole number is wanted."""
+    def _as_meant(cls, settings: Any) -> Any:
+        """Take 1e3 for 1000 where a whole number is wanted, and nested tables for a chain."""
         if not isinstance(settings, dict):
             return settings
         taken = dict(settings)
@@ -126,6 +130,11 @@ class Operator(BaseModel):
                 and value == int(value)
             ):
                 taken[name] = int(value)
+            if field is not None and Chain in members_of(field.annotation) and is_chain_like(value):
+                try:
+                    taken[name] = Chain.read(value)
+                except ParameterError as error:
+                    raise ValueError(f"{name}: {error}") from None
         return taken
 
     @field_validator("*", mode="after")
@@ -143,11 +152,44 @@ class Generator(Operator):
     writes: ClassVar[tuple[str, ...]] = ("elevation",)
     locality: ClassVar[str] = "pointwise"
     turning: ClassVar[dict[str, Any] | None] = None
+    portrait: ClassVar[float | None] = None
+    """Metres a side at which its defaults show what it is; None where any size does."""
 
     @abstractmethod
     def generate(self, grid: Grid, run: Run) -> Heightfield:
         """Return a new terrain on ``grid``."""
         raise NotImplementedError
+
+
+class Filter(Operator):
+    """Reshapes a terrain by rule: a curve, a blend, a turn, a brush.
+
+    It is no process in nature, so it keeps no ledger. Layers whose values it does not change it
+    hands on; if ``changes_grid`` is set it takes every layer along to the new grid.
+    """
+
+    kind: ClassVar[str] = "filter"
+    reads: ClassVar[tuple[str, ...]] = ("elevation",)
+    writes: ClassVar[tuple[str, ...]] = ("elevation",)
+    locality: ClassVar[str] = "pointwise"
+    changes_grid: ClassVar[bool] = False
+    """Whether the result may have another shape, spacing or origin."""
+
+    def grid_after(self, grid: Grid) -> Grid | None:
+        """Return the grid of the result for a terrain on ``grid``; None where only a run shows."""
+        return grid
+
+    @abstractmethod
+    def apply(self, surface: Any, run: Run) -> Any:
+        """Return the reshaped surface; the input is not touched."""
+        raise NotImplementedError
+
+    def __call__(self, surface: Any, run: Run | None = None) -> Any:
+        """Apply with a run of its own: ``Terrace(height=50.0)(terrain)``."""
+        from terrakit.execute import execute
+        from terrakit.running import Run
+
+        return execute(self, surface, run or Run())
 
 
 class Erosion(Operator):

@@ -8,18 +8,23 @@ from __future__ import annotations
 
 import difflib
 import math
-from typing import TYPE_CHECKING, Any
+import types
+import typing
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
 from terrakit.errors import ParameterError
+from terrakit.sources import Chain, Source
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from terrakit.heightfield import Grid
     from terrakit.operators import Surface
+    from terrakit.running import Run
 
 
 class _Setting(BaseModel):
@@ -55,7 +60,7 @@ class FromLayer(_Setting):
 
     In a recipe: ``{ layer = "mask_rain", low = 0.0, high = 2.0 }`` for a mask from 0 to 1, or
     ``{ layer = "elevation", at = [200.0, 900.0], low = 1e-4, high = 1e-3 }``. Linear between the
-    two, constant beyond.
+    two, constant beyond. The layer is the terrain's own, or ``step.layer`` of an earlier step.
     """
 
     layer: str
@@ -81,8 +86,28 @@ class FromLayer(_Setting):
         return bounded
 
 
-Maskable = float | str | FromLayer | Schedule
-"""A number, the name of a layer in the parameter's own unit, a scaled layer, or a schedule."""
+Maskable = float | str | FromLayer | Schedule | Chain
+"""A number, a layer's name in the parameter's own unit, a scaled layer, a schedule, or a chain.
+
+A layer is the terrain's own (``sediment``) or an earlier step's (``volcano.sediment``). For a
+generator, which has no terrain yet, a plain name is a step whose elevation counts.
+"""
+
+
+class _NamesStep:
+    """Marks a text that names an earlier step."""
+
+
+StepName = Annotated[str, _NamesStep()]
+"""The name of an earlier step; :meth:`terrakit.running.Run.named` gives its surface."""
+
+
+class _NamesFile:
+    """Marks a text that names a file to read."""
+
+
+FilePath = Annotated[str, _NamesFile()]
+"""The path of a file to read; :meth:`terrakit.running.Run.file` says where it is."""
 
 Seed = int | str
 """Any integer or text."""
@@ -127,6 +152,40 @@ def parameter(
     if advanced:
         extra["advanced"] = True
     return Field(default, description=description, title=label, json_schema_extra=extra)
+
+
+def members_of(annotation: Any) -> frozenset[Any]:
+    """Return the alternatives of a type, without None."""
+    union = typing.get_origin(annotation) in (typing.Union, types.UnionType)
+    members = typing.get_args(annotation) if union else (annotation,)
+    return frozenset(members) - {type(None)}
+
+
+def is_maskable(annotation: Any) -> bool:
+    """Return whether a parameter of this type is a :data:`Maskable`, or none."""
+    return members_of(annotation) == members_of(Maskable)
+
+
+def is_source(annotation: Any) -> bool:
+    """Return whether a parameter of this type is a :data:`~terrakit.sources.Source`, or none."""
+    return members_of(annotation) == members_of(Source)
+
+
+def is_step_name(field: FieldInfo) -> bool:
+    """Return whether a parameter is a :data:`StepName`, or none."""
+    return _is_marked(field, _NamesStep)
+
+
+def is_file_path(field: FieldInfo) -> bool:
+    """Return whether a parameter is a :data:`FilePath`, or none."""
+    return _is_marked(field, _NamesFile)
+
+
+def _is_marked(field: FieldInfo, kind: type) -> bool:
+    marks = [*field.metadata]
+    for member in members_of(field.annotation):
+        marks += getattr(member, "__metadata__", ())
+    return any(isinstance(mark, kind) for mark in marks)
 
 
 def bounds_of(field: FieldInfo) -> dict[str, float]:
@@ -219,7 +278,7 @@ def explain(error: ValidationError, model: type[BaseModel], where: str) -> str:
     value = problem["input"]
     field = model.model_fields.get(name)
     if field is not None and problem["type"] != "value_error":
-        expected = _expected(field)
+        expected = _expected(name, field)
         return f"{where}: {name} = {_short(value)}: must be {expected}{more}"
     message = problem["msg"].removeprefix("Value error, ")
     shown = f"{name} = {_short(value)}: " if name else ""
@@ -228,11 +287,14 @@ def explain(error: ValidationError, model: type[BaseModel], where: str) -> str:
 
 def type_text(annotation: Any) -> str:
     """Return a type as a user reads it."""
-    import types
-    import typing
-
-    if annotation == Maskable:
-        return "a number, a layer's name, a scaled layer or a schedule"
+    if is_maskable(annotation):
+        return "a number, a layer's name, a scaled layer, a schedule or a nested step"
+    if is_source(annotation):
+        return "a number, an earlier step's name or a nested step"
+    if annotation is Chain:
+        return "a nested step"
+    if typing.get_origin(annotation) is Annotated:
+        return type_text(typing.get_args(annotation)[0])
     if annotation == Seed:
         return "an integer or text"
     origin = typing.get_origin(annotation)
@@ -256,9 +318,13 @@ def type_text(annotation: Any) -> str:
     return getattr(annotation, "__name__", str(annotation))
 
 
-def _expected(field: FieldInfo) -> str:
-    limits = bounds_text(field)
+def _expected(name: str, field: FieldInfo) -> str:
+    limits = bounds_text(field).replace("x", name)
     kind = type_text(field.annotation)
+    if is_step_name(field):
+        kind = "an earlier step's name"
+    elif is_file_path(field):
+        kind = "a file's path"
     return f"{kind}, {limits}" if limits else kind
 
 
@@ -268,7 +334,7 @@ def _short(value: Any) -> str:
 
 
 def resolve(
-    model: BaseModel, name: str, surface: Surface, fraction: float = 0.0
+    model: BaseModel, name: str, surface: Surface | Grid, fraction: float = 0.0
 ) -> float | NDArray[np.float32]:
     """Return what a maskable parameter is now: one number, or a field of the surface's shape.
 
@@ -279,7 +345,7 @@ def resolve(
     name
         The parameter.
     surface
-        The terrain whose layers it may name.
+        The terrain whose layers it may name; a generator's grid, where names are those of steps.
     fraction
         How much of the run is done, for schedules.
 
@@ -288,23 +354,61 @@ def resolve(
     ParameterError
         If the layer is missing, or its values leave the parameter's bounds.
     """
+    from terrakit.running import active_run
+
     value = getattr(model, name)
     if isinstance(value, (int, float)):
         return float(value)
     if isinstance(value, Schedule):
         return value.during(fraction)
-    layer = value.layer if isinstance(value, FromLayer) else str(value)
-    if layer not in surface:
-        known = suggestion(layer, list(surface))
-        raise ParameterError(f"{name} = {layer!r}: the terrain has no such layer{known}")
-    field = surface.layer(layer)
+    run = active_run()
+    if isinstance(value, Chain):
+        what, field = f"'{value}'", _chained(name, value, surface, run)
+    else:
+        layer = value.layer if isinstance(value, FromLayer) else str(value)
+        what, field = f"layer {layer!r}", _layer(name, layer, surface, run)
     if isinstance(value, FromLayer):
         field = value.scaled(field)
     declared = type(model).model_fields[name]
     low_end, high_end = float(field.min()), float(field.max())
     if not within(declared, low_end, high_end):
         raise ParameterError(
-            f"{name}: layer {layer!r} holds {low_end:g} to {high_end:g}, "
+            f"{name}: {what} holds {low_end:g} to {high_end:g}, "
             f"must be {bounds_text(declared).replace('x', name)}"
         )
     return field
+
+
+def _chained(
+    name: str, chain: Chain, surface: Surface | Grid, run: Run | None
+) -> NDArray[np.float32]:
+    """Return the elevation that a chain makes where the surface lies."""
+    from terrakit.heightfield import Grid, Heightfield
+
+    if run is None:
+        raise ParameterError(f"{name}: '{chain}' needs a run; call the operator, or execute()")
+    if not isinstance(surface, (Grid, Heightfield)):
+        raise ParameterError(
+            f"{name}: '{chain}' is made on a grid, and this is a mesh; name one of its layers"
+        )
+    grid = surface if isinstance(surface, Grid) else surface.grid
+    return run.terrain(chain, grid).elevation
+
+
+def _layer(name: str, layer: str, surface: Surface | Grid, run: Run | None) -> NDArray[np.float32]:
+    """Return a layer of the surface, or of an earlier step that lies where the surface does."""
+    from terrakit.heightfield import Grid
+    from terrakit.running import check_same_place, look_up
+
+    if not isinstance(surface, Grid) and layer in surface:
+        return surface.layer(layer)
+    earlier = run.earlier if run is not None else {}
+    if not isinstance(surface, Grid) and "." not in layer and layer not in earlier:
+        known = suggestion(layer, list(surface))
+        raise ParameterError(f"{name} = {layer!r}: the terrain has no such layer{known}")
+    try:
+        found, wanted = look_up(layer, earlier)
+        check_same_place(layer, found, surface)
+    except ParameterError as error:
+        raise ParameterError(f"{name} = {error}") from None
+    return found.layer(wanted)

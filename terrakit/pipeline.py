@@ -16,14 +16,15 @@ from typing import Any
 
 from terrakit import atomic
 from terrakit.errors import InputError, OutputError, ParameterError, RecipeError, ResourceError
-from terrakit.execute import check_memory, execute
-from terrakit.heightfield import Grid
-from terrakit.operators import Exporter, Generator, Importer, Surface
+from terrakit.execute import check_memory, execute, memory_needed
+from terrakit.heightfield import Grid, Heightfield
+from terrakit.operators import Exporter, Generator, Importer, Operator, Surface
 from terrakit.provenance import terrakit_version, version_of
 from terrakit.recipe import DEFAULT_MAX_CELLS, Recipe, Step, check_cells
 from terrakit.registry import Registry, default_registry
 from terrakit.results import ResultCache
 from terrakit.running import Run
+from terrakit.sources import files_within, operators_within
 
 RECORD = "run.json"
 """The file that says how the others came to be."""
@@ -34,7 +35,7 @@ class Result:
     """What a run made."""
 
     surface: Surface
-    """The terrain after the last step."""
+    """The terrain of the last step that made one."""
     files: list[Path] = field(default_factory=list)
     """Every file written, ``run.json`` last."""
     report: dict[str, Any] = field(default_factory=dict)
@@ -62,8 +63,8 @@ def run_recipe(
     out
         Folder for the files; without it exporters are left out.
     cache
-        Earlier results; a step is computed only if its operator, parameters, input, seed or code
-        changed.
+        Earlier results; a step is computed only if its operator, parameters, input, the steps
+        that it names, seed or code changed.
     registry
         Whose observers are told.
     max_cells
@@ -97,21 +98,31 @@ def check_recipe(
     max_cells
         Most samples that a generator may be asked for.
     """
-    steps, grid = _steps(recipe, out), recipe.grid
-    if isinstance(steps[0].operator, Generator):
-        assert grid is not None
-        try:
-            check_cells(grid, max_cells)
-        except RecipeError as error:
-            raise RecipeError(f"{recipe.name}: {error}") from None
-        check_run(recipe, steps, grid, out)
-        return
-    if isinstance(steps[0].operator, Importer) and not source_path(recipe, steps[0]).is_file():
-        path = source_path(recipe, steps[0])
-        problem = "is not a regular file" if path.exists() else "no such file"
-        raise InputError(f"{recipe.name}: step 1 '{steps[0].name}': {path}: {problem}")
+    steps = _steps(recipe, out)
+    for index, step in enumerate(recipe.steps, start=1):
+        if isinstance(step.operator, Importer) and not source_path(recipe, step).is_file():
+            path = source_path(recipe, step)
+            problem = "is not a regular file" if path.exists() else "no such file"
+            raise InputError(f"{recipe.name}: step {index} '{step.name}': {path}: {problem}")
+        _check_files(recipe, step, f"{recipe.name}: step {index} '{step.name}'")
+    grids = recipe.grids()
+    _check_sizes(recipe, steps, grids, max_cells)
     if out is not None:
         _check_outputs(recipe, steps, out)
+        _check_disk(steps, grids, out)
+
+
+def _check_files(recipe: Recipe, step: Step, where: str) -> None:
+    """Raise InputError unless every file that a step's parameters name is there."""
+    run = Run(folder=recipe.folder)
+    for name, text in files_within(step.operator):
+        try:
+            path = run.file(text)
+        except ParameterError as error:
+            raise RecipeError(f"{where}: {name} = {error}") from None
+        if not path.is_file():
+            problem = "is not a regular file" if path.exists() else "no such file"
+            raise InputError(f"{where}: {name} = {text!r}: {problem}")
 
 
 def _bounded(recipe: Recipe, max_cells: int) -> Recipe:
@@ -151,10 +162,12 @@ def _run_steps(
     registry: Registry,
     on_step: Callable[[Step, dict[str, Any]], None] | None,
 ) -> Result:
-    steps, grid = _steps(recipe, out), recipe.grid
+    steps = _steps(recipe, out)
     registry.tell("terrakit_run_started", run=run, steps=[step.name for step in steps])
-    surface: Surface | None = None
-    key = ""
+    last_use = _last_uses(steps, recipe.result)
+    surfaces: dict[str, Surface] = {}
+    keys: dict[str, str] = {}
+    world = run.world or recipe.grid
     entries: list[dict[str, Any]] = []
     files: list[Path] = []
     for index, step in enumerate(steps, start=1):
@@ -162,41 +175,49 @@ def _run_steps(
         started = time.perf_counter()
         step_run = run.for_step(step.name)
         step_run.sea_level = recipe.header.sea_level
+        step_run.world = world
+        step_run.folder = recipe.folder
+        step_run.earlier = {**run.earlier, **{name: surfaces[name] for name in step.names}}
         entry: dict[str, Any] = {"name": step.name, "use": step.use}
         try:
             if isinstance(step.operator, Exporter):
-                assert surface is not None
+                assert step.input is not None
                 assert out is not None
+                surface = surfaces[step.input]
                 target = _target(recipe, step, out)
                 atomic.make_folder(target.parent)
                 written = execute(step.operator, (surface, target), step_run)
                 files += [path for path in written if path not in files]  # shared textures
                 entry["files"] = [path.name for path in written]
             else:
-                key = _key(key, recipe, step, run, grid)
+                subject = _subject(recipe, step, surfaces)
+                key = keys[step.name] = _key(recipe, step, step_run, subject, keys)
                 kept = cache.load(key) if cache is not None else None
                 entry["cached"] = kept is not None
                 if kept is not None:
                     surface, entry["ledger"] = kept
                 else:
-                    subject = _subject(recipe, step, grid, surface)
                     surface = execute(step.operator, subject, step_run)
                     entry["ledger"] = step_run.ledger.to_dict()
                     if cache is not None and not run.is_finishing:
                         cache.store(key, surface, entry["ledger"])
+                surfaces[step.name] = surface
+                if world is None and isinstance(surface, Heightfield):
+                    world = surface.grid
         except (ParameterError, InputError) as error:
             message = str(error).removeprefix(f"{step.use}: ")
             raise type(error)(f"{where}: {message}") from error
         entry["seconds"] = round(time.perf_counter() - started, 3)
-        entry["cites"] = list(step.operator.cites)
+        entry["cites"] = _cites([step])
         entries.append(entry)
-        assert surface is not None
         registry.tell(
             "terrakit_step_done", run=step_run, step=step.name, surface=surface, report=entry
         )
         if on_step is not None:
             on_step(step, entry)
-    assert surface is not None
+        del surface
+        for name in [name for name in surfaces if last_use[name] <= index]:
+            del surfaces[name]
     report = _report(recipe, run, registry, steps, entries, files)
     if out is not None:
         text = json.dumps(report, indent=2, ensure_ascii=False) + "\n"
@@ -204,21 +225,40 @@ def _run_steps(
         content = text.encode("utf-8", "backslashreplace")
         files.append(atomic.write_bytes(atomic.make_folder(out) / RECORD, content))
     registry.tell("terrakit_run_finished", run=run, report=report)
-    return Result(surface, files, report)
+    return Result(surfaces[recipe.result.name], files, report)
 
 
-def check_run(recipe: Recipe, steps: list[Step], grid: Grid, out: Path | None) -> None:
-    """Raise what can be known before the first step: memory, disk, output places, sizes."""
+def _last_uses(steps: list[Step], result: Step) -> dict[str, int]:
+    """Return, by step, the number of the last one that needs its surface."""
+    last = {step.name: index for index, step in enumerate(steps, start=1)}
     for index, step in enumerate(steps, start=1):
+        for name in (*step.names, *([step.input] if step.input is not None else [])):
+            last[name] = index
+    last[result.name] = len(steps) + 1
+    return last
+
+
+def _check_sizes(
+    recipe: Recipe, steps: list[Step], grids: dict[str, Grid | None], max_cells: int
+) -> None:
+    """Raise what the grids tell before the first step: samples, memory, limits of formats."""
+    for index, step in enumerate(steps, start=1):
+        before = grids[step.input] if step.input is not None else None
+        after = grids[step.name]
+        sizes = [grid.shape[0] * grid.shape[1] for grid in (before, after) if grid is not None]
         try:
-            check_memory(step.operator, grid.shape[0] * grid.shape[1])
-            if isinstance(step.operator, Exporter):
-                step.operator.check(grid)
+            if after is not None:
+                try:
+                    check_cells(after, max_cells)
+                except RecipeError as error:
+                    where = "" if after == recipe.grid else f"step {index} '{step.name}': "
+                    raise RecipeError(f"{recipe.name}: {where}{error}") from None
+            for operator in operators_within(step.operator):
+                check_memory(operator, max(sizes, default=0))
+            if isinstance(step.operator, Exporter) and after is not None:
+                step.operator.check(after)
         except (ParameterError, InputError, ResourceError) as error:
             raise type(error)(f"{recipe.name}: step {index} '{step.name}': {error}") from None
-    if out is not None:
-        _check_outputs(recipe, steps, out)
-        _check_disk(steps, grid, out)
 
 
 def _check_outputs(recipe: Recipe, steps: list[Step], out: Path) -> None:
@@ -250,10 +290,10 @@ def _check_outputs(recipe: Recipe, steps: list[Step], out: Path) -> None:
             atomic.writable_target(target)
 
 
-def _check_disk(steps: list[Step], grid: Grid, out: Path) -> None:
+def _check_disk(steps: list[Step], grids: dict[str, Grid | None], out: Path) -> None:
     import shutil
 
-    needed = disk_needed(steps, grid.shape[0] * grid.shape[1])
+    needed = disk_needed(steps, grids)
     existing = next(p for p in (out, *out.absolute().parents) if p.exists())
     free = shutil.disk_usage(existing).free
     if needed > free:
@@ -263,13 +303,23 @@ def _check_disk(steps: list[Step], grid: Grid, out: Path) -> None:
         )
 
 
-def disk_needed(steps: Iterable[Step], samples: int) -> float:
-    """Return about how many bytes the exporters among ``steps`` write for this many samples."""
-    return sum(
-        step.operator.bytes_a_sample * samples
-        for step in steps
-        if isinstance(step.operator, Exporter)
-    )
+def disk_needed(steps: Iterable[Step], grids: dict[str, Grid | None]) -> float:
+    """Return about how many bytes the exporters among ``steps`` write, as far as that is known."""
+    needed = 0.0
+    for step in steps:
+        grid = grids[step.name]
+        if isinstance(step.operator, Exporter) and grid is not None:
+            needed += step.operator.bytes_a_sample * grid.shape[0] * grid.shape[1]
+    return needed
+
+
+def memory_of(step: Step, grids: dict[str, Grid | None]) -> int | None:
+    """Return the bytes that a step needs at its peak, or None where its size is not yet known."""
+    before = grids[step.input] if step.input is not None else None
+    sizes = [g.shape[0] * g.shape[1] for g in (before, grids[step.name]) if g is not None]
+    if not sizes:
+        return None
+    return max(memory_needed(operator, max(sizes)) for operator in operators_within(step.operator))
 
 
 def _target(recipe: Recipe, step: Step, out: Path) -> Path:
@@ -277,12 +327,18 @@ def _target(recipe: Recipe, step: Step, out: Path) -> Path:
     return out / (step.file or recipe.name + step.operator.suffix)
 
 
-def _subject(recipe: Recipe, step: Step, grid: Grid | None, surface: Surface | None) -> Any:
-    if isinstance(step.operator, Generator):
-        return grid
+def _subject(recipe: Recipe, step: Step, surfaces: dict[str, Surface]) -> Any:
+    """Return what a step works on: a grid, a file, or the terrain of its input."""
     if isinstance(step.operator, Importer):
         return source_path(recipe, step)
-    return surface
+    if step.input is None:
+        return recipe.grid
+    surface = surfaces[step.input]
+    if not isinstance(step.operator, Generator):
+        return surface
+    if not isinstance(surface, Heightfield):
+        raise InputError(f"input = {step.input!r}: is a mesh, which has no grid to be made on")
+    return surface.grid
 
 
 def source_path(recipe: Recipe, step: Step) -> Path:
@@ -298,24 +354,52 @@ def source_path(recipe: Recipe, step: Step) -> Path:
     return path
 
 
-def _key(before: str, recipe: Recipe, step: Step, run: Run, grid: Grid | None) -> str:
+def _key(recipe: Recipe, step: Step, run: Run, subject: Any, keys: dict[str, str]) -> str:
     """Return what the result of a step depends on, as a digest."""
+    within = list(operators_within(step.operator))
     parts: dict[str, Any] = {
-        "before": before,
         "use": step.use,
-        "code": _code_digest(type(step.operator).__module__.partition(".")[0]),
+        "code": sorted({_code_digest(_package(operator)) for operator in within}),
         "settings": step.operator.model_dump(mode="json"),
         "seed": [type(run.seed).__name__, run.seed],
         "sea_level": recipe.header.sea_level,
+        "world": _place(run.world),
+        "named": {name: keys[name] for name in step.names},
     }
-    if step.operator.parity != "exact":
+    if any(operator.parity != "exact" for operator in within):
         parts["device"] = run.device_info.label
-    if isinstance(step.operator, Generator) and grid is not None:
-        parts["grid"] = [grid.shape, grid.spacing, grid.origin, grid.crs]
-    if isinstance(step.operator, Importer):
-        parts["file"] = _file_digest(source_path(recipe, step))
+    if isinstance(subject, Grid):
+        parts["grid"] = _place(subject)
+    elif isinstance(step.operator, Importer):
+        parts["file"] = _file_digest(subject)
+    else:
+        assert step.input is not None
+        parts["before"] = keys[step.input]
+    files = [run.file(path) for _, path in files_within(step.operator)]
+    if files:
+        parts["files"] = [_file_digest(path) for path in files]
     text = json.dumps(parts, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _place(grid: Grid | None) -> list[Any] | None:
+    return None if grid is None else [grid.shape, grid.spacing, grid.origin, grid.crs]
+
+
+def _package(operator: Operator) -> str:
+    return type(operator).__module__.partition(".")[0]
+
+
+def _cites(steps: Iterable[Step]) -> list[str]:
+    """Return the papers behind these steps, and behind what is nested in them."""
+    return list(
+        dict.fromkeys(
+            cite
+            for step in steps
+            for operator in operators_within(step.operator)
+            for cite in operator.cites
+        )
+    )
 
 
 @lru_cache(maxsize=64)
@@ -352,7 +436,11 @@ def _report(
     entries: list[dict[str, Any]],
     files: list[Path],
 ) -> dict[str, Any]:
-    owners = {registry.owner(type(step.operator)) for step in steps}
+    owners = {
+        registry.owner(type(operator))
+        for step in steps
+        for operator in operators_within(step.operator)
+    }
     return {
         "terrakit": terrakit_version(),
         "recipe": recipe.with_seed(run.seed).to_dict(),
@@ -367,5 +455,5 @@ def _report(
             {"file": path.name, "bytes": path.stat().st_size, "sha256": _file_digest(path)}
             for path in files
         ],
-        "cites": sorted({cite for step in steps for cite in step.operator.cites}),
+        "cites": sorted(_cites(steps)),
     }

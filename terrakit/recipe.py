@@ -2,7 +2,8 @@
 
 A recipe is a header (``size`` in metres, ``spacing`` or ``samples``, ``seed``, ``sea_level``) and
 ``[[step]]`` tables. A step names its operator with ``use``; every other key is one of that
-operator's parameters. Unknown keys are errors.
+operator's parameters. Unknown keys are errors. A step works on the terrain of the step before it,
+or of the one that ``input`` names; a generator or importer begins another branch.
 
 Paths in a recipe are relative to the recipe's folder and may not leave it, so that a recipe from
 elsewhere reads nothing but what came with it. Paths given on the command line or in Python may be
@@ -14,25 +15,28 @@ from __future__ import annotations
 import math
 import os
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from terrakit.errors import ParameterError, RecipeError
+from terrakit.errors import InputError, ParameterError, RecipeError
 from terrakit.heightfield import Grid
-from terrakit.operators import Exporter, Generator, Importer, Operator
+from terrakit.layers import layer_kind
+from terrakit.operators import Exporter, Filter, Generator, Importer, Operator
 from terrakit.parameters import Seed, explain, suggestion
 from terrakit.registry import Registry, default_registry
 from terrakit.running import seed_words
+from terrakit.sources import files_within, looking_in, references_within
 
 FORMAT = 1
 LARGEST_FILE = 2**20
 MOST_STEPS = 1000
-RESERVED = ("use", "name", "file", "preset")
+RESERVED = ("use", "name", "input", "file", "preset")
 DEFAULT_MAX_CELLS = 2**28
 
 
@@ -67,11 +71,28 @@ class Step:
     file: str | None = None
     trusted: bool = False
     """Whether ``file`` was given by the user rather than by the recipe."""
+    input: str | None = None
+    """The step whose terrain it works on; of a generator, the one on whose grid it is made."""
 
     @property
     def use(self) -> str:
         """The operator's name."""
         return self.operator.name
+
+    @property
+    def is_source(self) -> bool:
+        """Whether it begins a branch."""
+        return isinstance(self.operator, (Generator, Importer))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The earlier steps that its parameters name."""
+        found = []
+        for reference in references_within(self.operator):
+            step, dot, _ = reference.text.partition(".")
+            if dot or reference.role != "layer":
+                found.append(step)
+        return tuple(dict.fromkeys(found))
 
 
 @dataclass(frozen=True)
@@ -100,6 +121,34 @@ class Recipe:
         """Where a generator's samples lie; None where an importer decides."""
         return grid_of(self.header)
 
+    @property
+    def result(self) -> Step:
+        """The step whose terrain is the recipe's: the last that is no exporter."""
+        return [step for step in self.steps if not isinstance(step.operator, Exporter)][-1]
+
+    def grids(self) -> dict[str, Grid | None]:
+        """Return, by step, the grid of its result (of an exporter: what it writes).
+
+        None stands where only a run can tell: after an importer, and where a filter cannot say.
+        """
+        grids: dict[str, Grid | None] = {}
+        for index, step in enumerate(self.steps, start=1):
+            before = grids[step.input] if step.input is not None else None
+            if isinstance(step.operator, Generator) and step.input is None:
+                grids[step.name] = self.grid
+            elif isinstance(step.operator, Importer):
+                grids[step.name] = None
+            elif isinstance(step.operator, Filter) and step.operator.changes_grid:
+                try:
+                    after = None if before is None else step.operator.grid_after(before)
+                except (ParameterError, InputError) as error:
+                    where = f"{self.name}: step {index} '{step.name}'"
+                    raise type(error)(f"{where}: {error}") from None
+                grids[step.name] = after
+            else:
+                grids[step.name] = before
+        return grids
+
     def with_seed(self, seed: Seed) -> Recipe:
         """Return the recipe with another seed."""
         seed_words(seed)
@@ -110,6 +159,8 @@ class Recipe:
         steps = []
         for step in self.steps:
             entry: dict[str, Any] = {"use": step.use, "name": step.name}
+            if step.input is not None:
+                entry["input"] = step.input
             if step.file is not None:
                 entry["file"] = Path(step.file).name if step.trusted else step.file
             entry |= step.operator.model_dump(mode="json")
@@ -314,9 +365,9 @@ def _parse(
         steps = []
         for index, (step_name, table) in enumerate(zip(names, tables, strict=True), start=1):
             where = f"{shown}: step {index} '{step_name}'"
-            trust = trusted or (step_name, "file") in given
-            steps.append(_step(step_name, table, where, registry, trust))
-        _check_order(steps, shown, grid)
+            own = {key for step, key in given if step == step_name}
+            steps.append(_step(step_name, table, where, registry, trusted, own))
+        steps = _connected(steps, shown, grid)
     except RecipeError as error:
         message = str(error)
         raise RecipeError(message if message.startswith(shown) else f"{shown}: {message}") from None
@@ -366,9 +417,22 @@ def _apply(
         elif step not in names:
             raise RecipeError(f"{shown}: --set {key}: no step '{step}'{suggestion(step, names)}")
         else:
-            tables[names.index(step)][parameter] = value
+            _put(tables[names.index(step)], parameter, value, f"{shown}: --set {key}")
             changed.add((step, parameter))
     return changed
+
+
+def _put(table: dict[str, Any], path: str, value: Any, where: str) -> None:
+    """Put a value into a step's table, or into a table nested in it: ``other.wavelength``."""
+    name, dot, rest = path.partition(".")
+    if not dot:
+        table[name] = value
+        return
+    nested = table.get(name)
+    if not isinstance(nested, dict):
+        raise RecipeError(f"{where}: '{name}' is no table here; give all of it: {name} = {{ ... }}")
+    table[name] = nested = dict(nested)  # what was handed in is not ours to change
+    _put(nested, rest, value, where)
 
 
 def _drop_third(document: dict[str, Any], key: str) -> None:
@@ -378,57 +442,134 @@ def _drop_third(document: dict[str, Any], key: str) -> None:
         document.pop(other)
 
 
-def _step(name: str, table: dict[str, Any], where: str, registry: Registry, trusted: bool) -> Step:
+def _step(
+    name: str,
+    table: dict[str, Any],
+    where: str,
+    registry: Registry,
+    trusted: bool,
+    given: set[str],
+) -> Step:
+    """Return a step; ``given`` are the keys that the user set, whose paths may lie anywhere."""
     settings = dict(table)
     use = settings.pop("use")
     try:
         kind = registry.get(use)
     except ParameterError as error:
         raise RecipeError(f"{where}: {error}") from None
+    source = settings.pop("input", None)
+    if source is not None and not isinstance(source, str):
+        raise RecipeError(f"{where}: input = {source!r}: must be the name of an earlier step")
+    if source is not None and issubclass(kind, Importer):
+        raise RecipeError(f"{where}: input = {source!r}: {use} reads a file; leave input out")
     file = None
     if issubclass(kind, (Importer, Exporter)):
         file = settings.pop("file", None)
         if file is None and issubclass(kind, Importer):
             raise RecipeError(f'{where}: file is missing; say file = "terrain.tif"')
         if file is not None:
-            check_path(file, where, trusted)
+            check_path(file, where, trusted or "file" in given)
     try:
-        return Step(name, kind.from_settings(settings, where), file, trusted)
+        with looking_in(registry):
+            operator = kind.from_settings(settings, where)
+        for key, path in files_within(operator):
+            check_path(path, where, trusted or key in given, key)
+        return Step(name, operator, file, trusted or "file" in given, source)
     except ParameterError as error:
         raise RecipeError(str(error)) from None
 
 
-def check_path(file: Any, where: str, trusted: bool) -> None:
+def check_path(file: Any, where: str, trusted: bool, key: str = "file") -> None:
     """Raise RecipeError if a recipe's path is no relative path inside its own folder."""
     if not isinstance(file, str) or not file or "\0" in file:
-        raise RecipeError(f"{where}: file = {file!r}: must be a path")
+        raise RecipeError(f"{where}: {key} = {file!r}: must be a path")
     if trusted:
         return
     parts = Path(file.replace("\\", "/")).parts
     if "://" in file:
-        raise RecipeError(f"{where}: file = {file!r}: is a URL; download it first")
+        raise RecipeError(f"{where}: {key} = {file!r}: is a URL; download it first")
     if Path(file).is_absolute() or ".." in parts or parts[:1] == ("~",) or ":" in parts[0]:
         raise RecipeError(
-            f"{where}: file = {file!r}: leaves the recipe's folder; put the file beside the recipe "
+            f"{where}: {key} = {file!r}: leaves the recipe's folder; put the file beside the recipe "
             "or give it with --set"
         )
 
 
-def _check_order(steps: Iterable[Step], shown: str, grid: Grid | None) -> None:
+def _connected(steps: list[Step], shown: str, grid: Grid | None) -> list[Step]:
+    """Return the steps with every input spelled out, after checking what they name.
+
+    A generator has an input only where its grid comes from another step.
+    """
+    connected: list[Step] = []
+    names = [step.name for step in steps]
     for index, step in enumerate(steps, start=1):
         where = f"{shown}: step {index} '{step.name}'"
-        source = isinstance(step.operator, (Generator, Importer))
-        if index == 1 and not source:
+        made = [earlier for earlier in connected if not isinstance(earlier.operator, Exporter)]
+        before = made[-1].name if made else None
+        if not made and not step.is_source:
             raise RecipeError(
                 f"{where}: {step.use} needs a terrain; begin with a generator or an importer"
             )
-        if index > 1 and source:
-            raise RecipeError(
-                f"{where}: {step.use} would discard the terrain so far; it must be the first step"
-            )
-        if isinstance(step.operator, Generator) and grid is None:
+        source = step.input
+        if source is not None:
+            _check_name("input", source, source, where, connected, names)
+        elif not step.is_source or (isinstance(step.operator, Generator) and grid is None):
+            source = before
+        if isinstance(step.operator, Generator) and grid is None and source is None:
             raise RecipeError(
                 f"{where}: {step.use} needs an extent; give size (m) and samples in the header"
+            )
+        _check_references(step, where, connected, names)
+        connected.append(replace(step, input=source))
+    _check_use(connected, shown)
+    return connected
+
+
+def _check_references(step: Step, where: str, earlier: list[Step], names: list[str]) -> None:
+    """Raise RecipeError unless every step that the parameters name is made by then."""
+    for reference in references_within(step.operator):
+        named, dot, _ = reference.text.partition(".")
+        if reference.role == "layer" and not dot:
+            if named in names and layer_kind(named) is None:
+                raise RecipeError(
+                    f"{where}: {reference.path} = {named!r}: is a step, and a layer is wanted; say "
+                    f'"{named}.elevation" for its height'
+                )
+            continue  # a layer of its own, which only a run can know
+        if reference.role == "step" and dot:
+            raise RecipeError(
+                f"{where}: {reference.path} = {reference.text!r}: must be a step's name alone"
+            )
+        _check_name(reference.path, reference.text, named, where, earlier, names)
+
+
+def _check_name(
+    key: str, text: str, name: str, where: str, earlier: list[Step], names: list[str]
+) -> None:
+    """Raise RecipeError unless ``name`` is a step that has made a terrain by then."""
+    made = [step.name for step in earlier if not isinstance(step.operator, Exporter)]
+    if name in made:
+        return
+    if name not in names:
+        problem = f"no step '{name}'{suggestion(name, made)}"
+    elif any(step.name == name for step in earlier):
+        problem = f"step '{name}' writes files; name one that makes a terrain: {', '.join(made)}"
+    else:
+        problem = f"step '{name}' is not yet made; move it further up"
+    raise RecipeError(f"{where}: {key} = {text!r}: {problem}")
+
+
+def _check_use(steps: list[Step], shown: str) -> None:
+    """Raise RecipeError if the terrain of a step goes nowhere."""
+    used = {name for step in steps for name in step.names}
+    used |= {step.input or "" for step in steps if not isinstance(step.operator, Generator)}
+    made = [step for step in steps if not isinstance(step.operator, Exporter)]
+    for step, after in pairwise(made):
+        if step.name not in used:
+            index, later = steps.index(step) + 1, steps.index(after) + 1
+            raise RecipeError(
+                f"{shown}: step {later} '{after.name}' would discard the terrain of step {index} "
+                f"'{step.name}'; name it in a later step, e.g. other = \"{step.name}\""
             )
 
 

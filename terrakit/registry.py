@@ -26,13 +26,14 @@ import pluggy
 from terrakit import hookspecs
 from terrakit.errors import ParameterError, PluginError
 from terrakit.layers import layer_kind
-from terrakit.operators import Erosion, Exporter, Generator, Importer, Operator, Texture
+from terrakit.operators import Erosion, Exporter, Filter, Generator, Importer, Operator, Texture
 from terrakit.parameters import suggestion
 
 GROUP = "terrakit"
 BUILT_IN = "terrakit"
 FAMILIES: dict[str, type[Operator]] = {
     "terrakit_generators": Generator,
+    "terrakit_filters": Filter,
     "terrakit_erosions": Erosion,
     "terrakit_textures": Texture,
     "terrakit_importers": Importer,

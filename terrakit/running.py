@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from terrakit.compute.cancellation import watched
@@ -16,10 +18,19 @@ from terrakit.ledger import Ledger
 
 if TYPE_CHECKING:
     from terrakit.compute import Device, DeviceInfo
+    from terrakit.heightfield import Grid, Heightfield
     from terrakit.operators import Surface
     from terrakit.parameters import Seed
+    from terrakit.sources import Chain, Source
 
 PREVIEW_SECONDS = 0.5
+
+_active: ContextVar[Run | None] = ContextVar("terrakit_run", default=None)
+
+
+def active_run() -> Run | None:
+    """Return the run that is at work in this thread, or None outside of one."""
+    return _active.get()
 
 
 @dataclass(frozen=True)
@@ -71,6 +82,13 @@ class Run:
         Work-group size for tests.
     sea_level
         Height of the sea of this world, metres; None where there is none.
+    world
+        Where the whole world lies, of which the terrain may be a tile: what is placed "in the
+        middle" is placed in the middle of this. By default the grid of the first terrain.
+    earlier
+        Surfaces that parameters may name: in a recipe those of earlier steps.
+    folder
+        Where the paths of a recipe begin, and must stay; None where they are the user's own.
     """
 
     def __init__(
@@ -81,12 +99,18 @@ class Run:
         on_preview: Callable[[Surface], None] | None = None,
         work_group: int | None = None,
         sea_level: float | None = None,
+        world: Grid | None = None,
+        earlier: Mapping[str, Surface] | None = None,
+        folder: Path | None = None,
     ) -> None:
         seed_words(seed)
         self.seed = seed
         self.on_progress = on_progress
         self.on_preview = on_preview
         self.sea_level = sea_level
+        self.world = world
+        self.earlier: Mapping[str, Surface] = dict(earlier or {})
+        self.folder = folder
         self.ledger = Ledger()
         self.step = ""
         self._device = device
@@ -96,6 +120,7 @@ class Run:
         self._finish = threading.Event()
         self._started = time.perf_counter()
         self._previewed = 0.0
+        self._chained: dict[tuple[int, Grid], tuple[Chain, Heightfield]] = {}
 
     @property
     def device_info(self) -> DeviceInfo:
@@ -133,6 +158,7 @@ class Run:
         child.__dict__.update(self.__dict__)
         child.ledger = Ledger()
         child.step = name
+        child._chained = {}
         child._started = time.perf_counter()
         return child
 
@@ -168,9 +194,110 @@ class Run:
         """Whether the run was asked to finish with what is there."""
         return self._finish.is_set()
 
-    def watching(self) -> AbstractContextManager[None]:
-        """Return a context in which long launches ask this run whether to stop."""
-        return watched(self.check)
+    @contextmanager
+    def watching(self, grid: Grid | None = None) -> Iterator[None]:
+        """Make this the run at work: long launches ask it whether to stop, parameters for terrain.
+
+        Parameters
+        ----------
+        grid
+            Where the work is done: the world, unless the run knows of a larger one.
+        """
+        token, world = _active.set(self), self.world
+        self.world = grid if world is None else world
+        try:
+            with watched(self.check):
+                yield
+        finally:
+            self.world = world
+            _active.reset(token)
+
+    def file(self, text: str) -> Path:
+        """Return where a file lies that a parameter names.
+
+        Absolute paths are taken as they are: a recipe that has one is refused when it is read,
+        unless the user gave it.
+
+        Raises
+        ------
+        ParameterError
+            If a relative path leaves the recipe's folder.
+        """
+        path = Path(text).expanduser()
+        if self.folder is None or path.is_absolute():
+            return path
+        inside = (self.folder / path).resolve()
+        if not inside.is_relative_to(self.folder.resolve()):
+            raise ParameterError(
+                f"{text!r}: leaves the recipe's folder; put the file there, or give its whole path "
+                "with --set"
+            )
+        return inside
+
+    def named(self, name: str) -> Surface:
+        """Return the surface of an earlier step, wherever it lies.
+
+        Raises
+        ------
+        ParameterError
+            If there is none of that name.
+        """
+        if name in self.earlier:
+            return self.earlier[name]
+        from terrakit.parameters import suggestion
+
+        raise ParameterError(f"{name!r}: no step '{name}'{suggestion(name, list(self.earlier))}")
+
+    def terrain(self, source: Source, grid: Grid) -> Heightfield:
+        """Return the terrain that a parameter means, on ``grid``.
+
+        Parameters
+        ----------
+        source
+            A height, the name of an earlier step (or ``step.layer``, whose values are then the
+            heights), or a chain, which is made here with this run's seed.
+        grid
+            Where it is wanted.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such step, or it lies elsewhere.
+        """
+        import numpy as np
+
+        from terrakit.heightfield import Heightfield
+
+        if isinstance(source, (int, float)):
+            return Heightfield.on_grid(grid, np.full(grid.shape, source, dtype=np.float32))
+        if isinstance(source, str):
+            found, layer = look_up(source, self.earlier)
+            check_same_place(source, found, grid)
+            assert isinstance(found, Heightfield)
+            if layer == "elevation":
+                return found
+            return Heightfield.on_grid(grid, found.layer(layer))
+        key = id(source), grid
+        if key not in self._chained:
+            self._chained[key] = source, self._run_chain(source, grid)
+        return self._chained[key][1]
+
+    def _run_chain(self, chain: Chain, grid: Grid) -> Heightfield:
+        """Make a chain's terrain, each operator with a ledger and a clock of its own."""
+        from terrakit.execute import execute
+
+        subject: Grid | Heightfield = grid
+        for operator in chain.operators:
+            child = self.for_step(f"{self.step}: {operator.name}" if self.step else operator.name)
+            child.on_preview = None
+            subject = execute(operator, subject, child)
+        made: Heightfield = subject  # type: ignore[assignment]
+        if made.grid != grid:
+            raise ParameterError(
+                f"'{chain}': ends on {place_of(made.grid)}, wanted {place_of(grid)}; leave out "
+                "what changes the grid"
+            )
+        return made
 
     def offer(self, make: Callable[[], Surface]) -> None:
         """Hand an unfinished surface to whoever watches; ``make`` is called only if needed."""
@@ -183,3 +310,50 @@ class Run:
         if self.on_progress is not None:
             elapsed = time.perf_counter() - self._started
             self.on_progress(Progress(self.step, done, total, elapsed))
+
+
+def look_up(text: str, earlier: Mapping[str, Surface]) -> tuple[Surface, str]:
+    """Return the surface and the layer that ``step`` or ``step.layer`` names.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such step or layer.
+    """
+    from terrakit.parameters import suggestion
+
+    if text in earlier:
+        return earlier[text], "elevation"
+    step, dot, layer = text.rpartition(".")
+    if not dot or step not in earlier:
+        known = suggestion(step or text, list(earlier))
+        raise ParameterError(f"{text!r}: no step '{step or text}'{known}")
+    if layer not in earlier[step]:
+        known = suggestion(layer, list(earlier[step]))
+        raise ParameterError(f"{text!r}: step '{step}' has no layer '{layer}'{known}")
+    return earlier[step], layer
+
+
+def check_same_place(text: str, found: Surface, wanted: Surface | Grid) -> None:
+    """Raise ParameterError unless the samples of an earlier surface lie where they are wanted."""
+    from terrakit.heightfield import Grid, Heightfield
+
+    if isinstance(wanted, (Grid, Heightfield)):
+        grid = wanted if isinstance(wanted, Grid) else wanted.grid
+        if not isinstance(found, Heightfield):
+            raise ParameterError(f"{text!r}: is a mesh, and a heightfield is wanted here")
+        own = found.grid
+        if (own.shape, own.spacing, own.origin) != (grid.shape, grid.spacing, grid.origin):
+            raise ParameterError(
+                f"{text!r}: lies on {place_of(own)}, wanted {place_of(grid)}; bring it there "
+                'first: use = "resample" with like = ...'
+            )
+    elif isinstance(found, Heightfield) or len(found.vertices) != len(wanted.vertices):
+        raise ParameterError(f"{text!r}: is not the same mesh; name one of the mesh's own layers")
+
+
+def place_of(grid: Grid) -> str:
+    """Return a grid as a message names it."""
+    rows, cols = grid.shape
+    west, north = grid.north_west
+    return f"{rows}x{cols} samples of {grid.spacing:g} m from {west:g}, {north:g}"

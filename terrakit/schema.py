@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from terrakit.operators import Operator
+from terrakit.operators import Generator, Operator
 from terrakit.recipe import MOST_STEPS, Header
 from terrakit.registry import Registry, default_registry
+from terrakit.sources import MOST_LINKS
 
+NESTED = ("generator", "filter", "erosion", "texture")
+"""Kinds of operator that may stand in a parameter of another."""
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
@@ -20,29 +23,37 @@ def operator_schema(operator: type[Operator]) -> dict[str, Any]:
     schema = _tidied(operator.model_json_schema())
     schema["title"] = operator.name
     schema["description"] = operator.summary()
-    return schema | {
-        "x-kind": operator.kind,
-        "x-surfaces": [surface.__name__ for surface in operator.surfaces],
-        "x-reads": list(operator.reads),
-        "x-uses": list(operator.uses),
-        "x-writes": list(operator.writes),
-        "x-presets": operator.presets,
-        "x-cites": list(operator.cites),
-        "x-parity": operator.parity,
-        "x-locality": operator.locality,
-    }
+    return (
+        schema
+        | {
+            "x-kind": operator.kind,
+            "x-surfaces": [surface.__name__ for surface in operator.surfaces],
+            "x-reads": list(operator.reads),
+            "x-uses": list(operator.uses),
+            "x-writes": list(operator.writes),
+            "x-presets": operator.presets,
+            "x-cites": list(operator.cites),
+            "x-parity": operator.parity,
+            "x-locality": operator.locality,
+        }
+        | ({"x-portrait": operator.portrait} if issubclass(operator, Generator) else {})
+    )
 
 
 def recipe_schema(registry: Registry | None = None) -> dict[str, Any]:
     """Return the schema of a recipe file: the header, and one alternative an operator."""
     registry = registry or default_registry()
     definitions: dict[str, Any] = {}
-    alternatives = []
+    alternatives: list[dict[str, str]] = []
+    nested: list[dict[str, str]] = []
     for operator in registry.operators():
         step = _step_schema(operator)
         definitions |= step.pop("$defs", {})
         definitions[f"step_{operator.name}"] = step
         alternatives.append({"$ref": f"#/$defs/step_{operator.name}"})
+        if operator.kind in NESTED:
+            nested.append({"$ref": f"#/$defs/step_{operator.name}"})
+    definitions["Chain"] = _chain_schema(nested)
     header = _tidied(Header.model_json_schema())
     return {
         "$schema": DIALECT,
@@ -64,6 +75,14 @@ def recipe_schema(registry: Registry | None = None) -> dict[str, Any]:
     }
 
 
+def _chain_schema(steps: list[dict[str, str]]) -> dict[str, Any]:
+    """Return the schema of a chain: one of these steps without a name, or a list of them."""
+    unwanted = [{"required": [key]} for key in ("name", "input")]
+    link = {"type": "object", "oneOf": steps, "not": {"anyOf": unwanted}}
+    links = {"type": "array", "minItems": 1, "maxItems": MOST_LINKS, "items": link}
+    return {"title": "Chain", "description": "A terrain made on the spot.", "anyOf": [link, links]}
+
+
 def _step_schema(operator: type[Operator]) -> dict[str, Any]:
     schema = operator_schema(operator)
     properties: dict[str, Any] = {
@@ -71,6 +90,12 @@ def _step_schema(operator: type[Operator]) -> dict[str, Any]:
         "name": {"type": "string", "pattern": r"^[^.]+$", "description": "What to call the step."},
     }
     required = ["use"]
+    if operator.kind != "importer":
+        properties["input"] = {
+            "type": "string",
+            "description": "The step to work on; by default the one before. "
+            "A generator is made on its grid.",
+        }
     if operator.presets:
         properties["preset"] = {
             "enum": sorted(operator.presets),
@@ -91,6 +116,11 @@ def _tidied(schema: dict[str, Any]) -> dict[str, Any]:
     tidy["properties"] = {
         name: _without_null(part) for name, part in schema.get("properties", {}).items()
     }
+    if "$defs" in schema:
+        tidy["$defs"] = {
+            name: _tidied(part) if "properties" in part else part
+            for name, part in schema["$defs"].items()
+        }
     return tidy
 
 

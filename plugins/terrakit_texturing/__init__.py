@@ -13,6 +13,7 @@ def terrakit_textures() -> list[type[Texture]]:
     from terrakit_texturing.curvature_mask import CurvatureMask
     from terrakit_texturing.distance_mask import DistanceMask
     from terrakit_texturing.height_mask import HeightMask
+    from terrakit_texturing.image_mask import ImageMask
     from terrakit_texturing.noise_mask import NoiseMask
     from terrakit_texturing.polygon_mask import PolygonMask
     from terrakit_texturing.slope_height import SlopeHeight
@@ -23,6 +24,7 @@ def terrakit_textures() -> list[type[Texture]]:
         CurvatureMask,
         DistanceMask,
         HeightMask,
+        ImageMask,
         NoiseMask,
         PolygonMask,
         SlopeHeight,

@@ -16,6 +16,7 @@ COMMANDS: dict[str, str] = {
     "run": "Run a recipe: terrain, erosion, texture, files.",
     "validate": "Check a recipe without running it.",
     "generate": "Make a terrain with one generator.",
+    "filter": "Reshape the terrain in a file: a curve, a blend, another grid.",
     "erode": "Erode the terrain in a file.",
     "texture": "Add ground materials and colour to the terrain in a file.",
     "convert": "Read a terrain and write it in another format.",

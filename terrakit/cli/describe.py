@@ -53,15 +53,45 @@ def command(operator: str, as_json: bool) -> None:
 
 
 def snippet(kind: type[Operator]) -> list[str]:
-    """Return a recipe's step that uses the operator with its defaults."""
+    """Return a recipe's step that uses the operator with its defaults, or what it needs besides."""
     lines = ["[[step]]", f'use = "{kind.name}"']
     if kind.kind == "importer":
         suffix = next(iter(getattr(kind, "suffixes", ())), "")
         lines.append(f'file = "terrain{suffix}"')
-    for name, field in kind.model_fields.items():
-        if isinstance(field.default, (bool, int, float, str)):
-            lines.append(f"{name} = {json.dumps(field.default)}")
+    shown = {name: field.default for name, field in kind.model_fields.items()} | _needed(kind)
+    for name, value in shown.items():
+        if isinstance(value, (bool, int, float, str, list, dict)):
+            lines.append(f"{name} = {_toml(value)}")
     return lines
+
+
+def _needed(kind: type[Operator]) -> dict[str, Any]:
+    """Return examples of what an operator cannot do without."""
+    from terrakit.errors import ParameterError
+    from terrakit.parameters import is_step_name, members_of
+    from terrakit.sources import Chain
+
+    try:
+        kind()
+    except ParameterError:
+        needed = dict(kind.trial)
+    else:
+        return {}
+    for name, field in kind.model_fields.items():
+        if field.is_required() and Chain in members_of(field.annotation):
+            needed[name] = {"use": "fbm"}
+        elif field.is_required() and is_step_name(field):
+            needed[name] = "fbm"
+    return needed
+
+
+def _toml(value: Any) -> str:
+    """Return a value as TOML writes it in one line."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(part)}" for key, part in value.items()) + " }"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml(part) for part in value) + "]"
+    return json.dumps(value, default=str)
 
 
 def _lines(name: str, field: FieldInfo) -> list[str]:

@@ -134,7 +134,7 @@ def _checks(chosen: DeviceInfo) -> list[dict[str, str]]:
     for operator in default_registry().operators():
         if operator.kind == "generator":
             subjects: dict[str, Any] = {"grid": Grid(CHECK_SHAPE, CHECK_SPACING)}
-        elif operator.kind in ("erosion", "texture"):
+        elif operator.kind in ("filter", "erosion", "texture"):
             terrain = _terrain([*operator.reads, *operator.uses])
             subjects = {"heightfield": terrain}
             if TriMesh in operator.surfaces:
@@ -166,8 +166,11 @@ def _compare(operator: Any, subject: Any, chosen: DeviceInfo) -> tuple[str, str]
 
     try:
         made = operator.from_settings({}, operator.name)
-    except ParameterError as error:
-        return "not checked", str(error)
+    except ParameterError:
+        try:
+            made = operator.from_settings(operator.trial, operator.name)
+        except ParameterError as error:
+            return "not checked", str(error)
     try:
         expected, actual = (execute(made, subject, Run(1, d)) for d in ("numpy", chosen))
     except Cancelled:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from terrakit.operators import Surface
+    from terrakit.operators import Operator, Surface
     from terrakit.running import Run
 
 
@@ -22,6 +22,31 @@ def reader(path: str, settings: dict[str, Any]) -> Callable[[Run], Surface]:
     def read(run: Run) -> Surface:
         surface: Surface = execute(operator, source, run)
         return surface
+
+    return read
+
+
+def named_files(operator: Operator) -> Callable[[Run], dict[str, Surface]]:
+    """Check the files that stand where a recipe would name a step, and return what reads them.
+
+    ``other.npz`` means the terrain in that file, ``other.npz.sediment`` a layer of it.
+    """
+    from terrakit.errors import ParameterError
+    from terrakit.sources import references_within
+
+    readers: dict[str, Callable[[Run], Surface]] = {}
+    for reference in references_within(operator):
+        whole, (stem, dot, _) = reference.text, reference.text.rpartition(".")
+        if reference.role == "layer" and not dot:
+            continue  # a layer of the terrain itself
+        path = next((name for name in (whole, stem) if name and Path(name).is_file()), None)
+        if path is not None:
+            readers[path] = reader(path, {})
+        elif reference.role != "layer":
+            raise ParameterError(f"{operator.name}: {reference.path} = {whole!r}: no such file")
+
+    def read(run: Run) -> dict[str, Surface]:
+        return {path: read_one(run) for path, read_one in readers.items()}
 
     return read
 

@@ -12,6 +12,7 @@ from terrakit.cli.operator_commands import OperatorGroup, finish, input_and_outp
 
 if TYPE_CHECKING:
     from terrakit.operators import Operator
+    from terrakit.running import Run
 
 SAMPLES, SPACING = 513, 10.0
 """What is made when nothing is said about resolution."""
@@ -43,10 +44,17 @@ def _work(
     origin: Any,
     max_cells: int | None,
 ) -> None:
-    from terrakit.cli.files import writer
+    from terrakit.cli.files import named_files, writer
     from terrakit.execute import check_memory, execute
+    from terrakit.operators import Generator
     from terrakit.recipe import DEFAULT_MAX_CELLS, check_cells, grid_of, header_of
 
+    assert isinstance(operator, Generator)
+    if size is None and spacing is None and operator.portrait is not None:
+        if isinstance(samples, list):
+            spacing = operator.portrait / (max(2, *samples) - 1)
+        else:
+            size = operator.portrait
     header: dict[str, Any] = {"size": size, "samples": samples, "spacing": spacing}
     given = {key: value for key, value in header.items() if value is not None}
     if "samples" not in given and len(given) < 2:
@@ -59,8 +67,13 @@ def _work(
     assert grid is not None
     check_cells(grid, max_cells or DEFAULT_MAX_CELLS)
     check_memory(operator, grid.shape[0] * grid.shape[1])
-    write = writer(target, dict(export_settings))
-    finish(context, operator, seed, device, write, lambda run: execute(operator, grid, run))
+    read_named, write = named_files(operator), writer(target, dict(export_settings))
+
+    def make(run: Run) -> Any:
+        run.earlier = read_named(run)
+        return execute(operator, grid, run)
+
+    finish(context, operator, seed, device, write, make)
 
 
 command = OperatorGroup(
@@ -69,7 +82,11 @@ command = OperatorGroup(
     _work,
     [
         *input_and_output(source=False),
-        click.option("--size", type=Pair(), help="Extent in metres, such as 4000 or 4000x2000."),
+        click.option(
+            "--size",
+            type=Pair(),
+            help="Extent in metres, such as 4000 or 4000x2000 [what suits NAME].",
+        ),
         click.option(
             "--samples", type=Pair(), help=f"Samples a side, such as 257 or 257x129 [{SAMPLES}]."
         ),

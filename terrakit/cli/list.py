@@ -7,7 +7,7 @@ import click
 from terrakit.cli import options
 from terrakit.cli.tables import write_json, write_table
 
-KINDS = ("generator", "erosion", "texture", "importer", "exporter", "recipe")
+KINDS = ("generator", "filter", "erosion", "texture", "importer", "exporter", "recipe")
 
 
 @options.command("list")

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
     from terrakit.operators import Operator
+    from terrakit.running import Run
 
 
 class OperatorGroup(click.Group):
@@ -26,7 +27,7 @@ class OperatorGroup(click.Group):
     Parameters
     ----------
     kind
-        ``generator``, ``erosion`` or ``texture``.
+        ``generator``, ``filter``, ``erosion`` or ``texture``.
     work
         Called with the context, the operator and the values of ``shared``.
     shared
@@ -148,10 +149,14 @@ def _default_text(field: FieldInfo) -> str:
 
 
 def _metavar(field: FieldInfo) -> str:
-    from terrakit.parameters import Maskable
+    from terrakit.parameters import is_maskable, is_source, is_step_name
 
-    if field.annotation == Maskable:
+    if is_maskable(field.annotation):
         return "number|layer|table"
+    if is_source(field.annotation):
+        return "number|file|table"
+    if is_step_name(field):
+        return "file"
     members = _members(field.annotation)
     if float in members:
         return "number"
@@ -200,12 +205,17 @@ def work_on_file(
     device: str | None,
 ) -> None:
     """Read a terrain, hand it to the operator, write what comes back."""
-    from terrakit.cli.files import reader, writer
+    from terrakit.cli.files import named_files, reader, writer
     from terrakit.execute import execute
 
-    read = reader(source, dict(import_settings))
+    read, read_named = reader(source, dict(import_settings)), named_files(operator)
     write = writer(target, dict(export_settings))
-    finish(context, operator, seed, device, write, lambda run: execute(operator, read(run), run))
+
+    def make(run: Run) -> Any:
+        run.earlier = read_named(run)
+        return execute(operator, read(run), run)
+
+    finish(context, operator, seed, device, write, make)
 
 
 def finish(

@@ -35,20 +35,18 @@ def command(
     if recipe is None:
         raise click.UsageError("name a recipe, or ask for --schema")
 
-    from terrakit.execute import memory_needed
     from terrakit.operators import Exporter
-    from terrakit.pipeline import check_recipe, disk_needed
+    from terrakit.pipeline import check_recipe, disk_needed, memory_of
     from terrakit.recipe import DEFAULT_MAX_CELLS, load_recipe
 
     loaded = load_recipe(recipe, settings)
     check_recipe(loaded, Path(loaded.name if out is None else out), max_cells or DEFAULT_MAX_CELLS)
-    grid = loaded.grid
-    samples = grid.shape[0] * grid.shape[1] if grid is not None else 0
-    memory = {step.name: memory_needed(step.operator, samples) for step in loaded.steps}
+    grid, grids = loaded.grid, loaded.grids()
+    memory = {step.name: memory_of(step, grids) for step in loaded.steps}
     disk = {
-        step.name: disk_needed([step], samples)
+        step.name: disk_needed([step], grids)
         for step in loaded.steps
-        if isinstance(step.operator, Exporter)
+        if isinstance(step.operator, Exporter) and grids[step.name] is not None
     }
     if as_json:
         write_json(
@@ -67,14 +65,15 @@ def command(
             (
                 step.name,
                 step.use,
-                _megabytes(memory[step.name]) if samples else "?",
-                _megabytes(disk[step.name]) if samples and step.name in disk else "",
+                _megabytes(memory[step.name]),
+                _megabytes(disk[step.name]) if step.name in disk else "",
             )
             for step in loaded.steps
         ],
     )
     if grid is not None:
-        peak, files = _megabytes(max(memory.values())), _megabytes(sum(disk.values()))
+        known = [size for size in memory.values() if size is not None]
+        peak, files = _megabytes(max(known)), _megabytes(sum(disk.values()))
         click.echo(
             f"{grid.shape[0]} x {grid.shape[1]} samples at {grid.spacing:g} m; "
             f"{peak} of memory, {files} of disk"
@@ -82,5 +81,5 @@ def command(
     click.echo(f"{loaded.name}: valid")
 
 
-def _megabytes(size: float) -> str:
-    return f"{size / 1e6:.1f} MB"
+def _megabytes(size: float | None) -> str:
+    return "?" if size is None else f"{size / 1e6:.1f} MB"

@@ -4,7 +4,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 
 // Integer hash with full avalanche (Wellons 2018, "lowbias32").
-inline uint exact_mix(uint x)
+__attribute__((always_inline)) inline uint exact_mix(uint x)
 {
     x ^= x >> 16;
     x *= 0x7feb352du;
@@ -15,19 +15,29 @@ inline uint exact_mix(uint x)
 }
 
 // Hash of a seed and a lattice point: never a sequence, never a tile index.
-inline uint exact_hash(uint seed_low, uint seed_high, int i, int j)
+__attribute__((always_inline)) inline uint exact_hash(uint seed_low, uint seed_high, int i, int j)
 {
     return exact_mix(exact_mix(exact_mix((uint)i ^ seed_low) + (uint)j) ^ seed_high);
 }
 
 // Uniform in [0, 1), exact in float32.
-inline float exact_uniform(uint hash)
+__attribute__((always_inline)) inline float exact_uniform(uint hash)
 {
     return (float)(hash >> 8) * 5.9604644775390625e-8f;
 }
 
+// The library's floor, bit for bit; PoCL makes a call of that one, which leaves loops scalar.
+__attribute__((always_inline)) inline float exact_floor(float x)
+{
+    const int is_small = x > -8388608.0f && x < 8388608.0f;  // others are whole, or no number
+    const float held = is_small ? x : 0.0f;
+    const float cut = (float)(int)held;
+    const float below = cut > held ? cut - 1.0f : cut;
+    return is_small && cut != held ? below : x;
+}
+
 // Base-2 logarithm of a positive, normal float; absolute error below 2e-7 for x near 1.
-inline float exact_log2(float x)
+__attribute__((always_inline)) inline float exact_log2(float x)
 {
     const int bits = as_int(x);
     int exponent = (bits >> 23) - 127;
@@ -48,10 +58,10 @@ inline float exact_log2(float x)
 }
 
 // 2 to the power x; 0 below the range of normal floats, the largest power above it.
-inline float exact_exp2(float x)
+__attribute__((always_inline)) inline float exact_exp2(float x)
 {
     const float clamped = x < -126.0f ? -126.0f : (x > 127.0f ? 127.0f : x);
-    const float whole = floor(clamped + 0.5f);
+    const float whole = exact_floor(clamped + 0.5f);
     const float f = clamped - whole;
     float p = 1.5252733804059840e-5f;
     p = p * f + 1.5403530393381608e-4f;
@@ -66,15 +76,15 @@ inline float exact_exp2(float x)
 }
 
 // x to the power y for x >= 0; 0 to any positive power is 0.
-inline float exact_power(float x, float y)
+__attribute__((always_inline)) inline float exact_power(float x, float y)
 {
     return x < 1.17549435e-38f ? (y == 0.0f ? 1.0f : 0.0f) : exact_exp2(y * exact_log2(x));
 }
 
 // Sine of a whole circle's share: sin(2 pi t). Odd Taylor polynomial on a quarter turn.
-inline float exact_sine(float t)
+__attribute__((always_inline)) inline float exact_sine(float t)
 {
-    const float r = t - floor(t + 0.5f);
+    const float r = t - exact_floor(t + 0.5f);
     const float q = r > 0.25f ? 0.5f - r : (r < -0.25f ? -0.5f - r : r);
     const float s = q * q;
     float p = -15.0946425768229730f;
@@ -87,7 +97,7 @@ inline float exact_sine(float t)
 }
 
 // Direction of (x, y) as a share of a circle, -1/2 to 1/2; 0 for no direction.
-inline float exact_arctangent(float y, float x)
+__attribute__((always_inline)) inline float exact_arctangent(float y, float x)
 {
     const float ax = x < 0.0f ? -x : x;
     const float ay = y < 0.0f ? -y : y;

@@ -79,7 +79,8 @@ def normal(hashes: NDArray[np.uint32]) -> NDArray[np.float32]:
     other = mix(hashes ^ U(0x9E3779B9))
     low = U(0xFFFF)
     total = (hashes & low) + (hashes >> U(16)) + (other & low) + (other >> U(16))
-    return (total.astype(np.int32) - np.int32(131070)).astype(F) * F(2.6428998e-5)
+    result: NDArray[np.float32] = (total.astype(np.int32) - np.int32(131070)).astype(F)
+    return result * F(2.6428998e-5)
 
 
 def log2(values: NDArray[np.float32]) -> NDArray[np.float32]:

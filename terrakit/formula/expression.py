@@ -51,8 +51,10 @@ OPERATIONS: dict[str, Operation] = {
     "maximum": Operation(
         lambda a, b: np.where(a > b, a, b), "({0} > {1} ? {0} : {1})", lambda a, b: max(a, b)
     ),
-    "floor": Operation(np.floor, "floor({0})", lambda a: float(math.floor(a))),
-    "square_root": Operation(np.sqrt, "noise_root({0})", lambda a: math.sqrt(a) if a >= 0 else math.nan),
+    "floor": Operation(np.floor, "exact_floor({0})", lambda a: float(math.floor(a))),
+    "square_root": Operation(
+        np.sqrt, "noise_root({0})", lambda a: math.sqrt(a) if a >= 0 else math.nan
+    ),
     "exp2": Operation(exact.exp2, "exact_exp2({0})"),
     "log2": Operation(exact.log2, "exact_log2({0})"),
     "power": Operation(exact.power, "exact_power({0}, {1})"),
@@ -221,9 +223,13 @@ def as_formula(value: Number) -> Formula:
 
 
 def apply(op: str, *values: Number) -> Formula:
-    """Return an elementwise operation; on constants alone it is computed at once."""
+    """Return an elementwise operation; on constants alone it is computed at once.
+
+    Every result is rounded to 32 bits, so that a number and a layer of that number are the same.
+    """
     args = tuple(as_formula(value) for value in values)
     host = OPERATIONS[op].host
     if host is not None and all(arg.op == "constant" for arg in args):
-        return constant(host(*(arg.data for arg in args)))
+        with np.errstate(over="ignore"):
+            return constant(float(F(host(*(float(F(arg.data)) for arg in args)))))
     return Formula(op, args)

@@ -50,6 +50,45 @@ __attribute__((always_inline)) inline float formula_fraction(long position)
 {{
     return (float)((uint)position >> 8) * 5.9604644775390625e-8f;
 }}
+
+__attribute__((always_inline)) inline int formula_within(int place, int count)
+{{
+    return place < 0 ? 0 : (place < count ? place : count - 1);
+}}
+
+// Catmull & Rom 1974; made of differences alone, so that what is level stays level
+__attribute__((always_inline)) inline float formula_spline(
+    float before, float here, float there, float beyond, float t)
+{{
+    const float a = here - before, b = there - here, c = beyond - there;
+    const float bend = 3.0f * b - 2.0f * a - c;
+    return here + 0.5f * t * ((a + b) + t * (bend + t * (a - 2.0f * b + c)));
+}}
+
+__attribute__((always_inline)) inline float formula_line(
+    __global const float *line, int first, int cols, float t)
+{{
+    return formula_spline(
+        line[formula_within(first - 1, cols)], line[first],
+        line[formula_within(first + 1, cols)], line[formula_within(first + 2, cols)], t);
+}}
+
+// A field between its samples, at column x and row y; beyond the border samples are repeated
+__attribute__((always_inline)) inline float formula_sampled(
+    __global const float *field, int rows, int cols, float x, float y)
+{{
+    const float right = (float)(cols - 1), bottom = (float)(rows - 1);
+    const float at = x > 0.0f ? (x < right ? x : right) : 0.0f;
+    const float down = y > 0.0f ? (y < bottom ? y : bottom) : 0.0f;
+    const int col = (int)at, row = (int)down;
+    const float t = at - (float)col, s = down - (float)row;
+    float lines[4];
+    for (int k = 0; k < 4; ++k) {{
+        const int line = formula_within(row - 1 + k, rows);
+        lines[k] = formula_line(field + (size_t)line * cols, col, cols, t);
+    }}
+    return formula_spline(lines[0], lines[1], lines[2], lines[3], s);
+}}
 """
 
 
@@ -293,6 +332,10 @@ class _Kernel:
             return [f"const float {name} = {args[0]}{ending};"]
         if formula.op == "noise":
             return self._noise(formula, name, args)
+        if formula.op == "sample":
+            field = args[2].partition("[")[0]
+            at = f"(float)(first + c) + {args[0]}, (float)row - {args[1]}"
+            return [f"const float {name} = formula_sampled({field}, rows, cols, {at});"]
         kind = "int" if formula.is_condition else "float"
         return [f"const {kind} {name} = {OPERATIONS[formula.op].opencl.format(*args)};"]
 

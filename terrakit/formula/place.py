@@ -137,7 +137,6 @@ class Place:
         found = operator.value(parameter, where)
         if isinstance(found, (int, float)):
             return constant(found)
-        self._stay(parameter)
         return self._field(("parameter", operator.name, parameter, id(operator)), Layer(found))
 
     def terrain(self, source: Any, parameter: str) -> Formula:
@@ -155,10 +154,13 @@ class Place:
                 inner = self._bare()
                 height = first.height(inner)
                 for operator in rest:
-                    height = operator.height(inner, height)  # type: ignore[attr-defined]
+                    height = operator.height(inner, height)
                 return height
-        self._stay(parameter)
-        other = self.run.terrain(source, self.grid)
+        try:
+            other = self.run.terrain(source, self.grid)
+        except ParameterError as error:
+            sign = " =" if isinstance(source, str) else ":"
+            raise ParameterError(f"{parameter}{sign} {error}") from None
         return self._field(("terrain", id(source)), other.layers["elevation"])
 
     def words(self, stream: str, seed: Seed) -> tuple[int, int]:
@@ -232,17 +234,14 @@ class Place:
         return self._leaves[key] if moved is None else self._leaves[key] + moved
 
     def _field(self, key: Any, layer: Layer) -> Formula:
+        """Return samples as a formula: those that are here, or interpolated elsewhere."""
         if key not in self._leaves:
             self._leaves[key] = Formula("field", data=layer)
-        return self._leaves[key]
-
-    def _stay(self, parameter: str) -> None:
-        """Raise ParameterError where what is sampled already would be needed elsewhere."""
-        if self.is_displaced:
-            raise ParameterError(
-                f"{parameter}: a terrain or layer that is there as samples cannot be warped; "
-                "name generators made of formulas (noise, landforms, expression)"
-            )
+        field = self._leaves[key]
+        if self.east is None or self.north is None:
+            return field
+        spacing = self.grid.spacing
+        return Formula("sample", (self.east / spacing, self.north / spacing, field))
 
     def heightfield(self, formulas: Mapping[str, Formula]) -> Heightfield:
         """Return the terrain whose layers are these formulas, ``elevation`` among them."""

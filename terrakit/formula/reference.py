@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,11 @@ class _Block:
             return data.host()[self.rows]
         if op == "table":
             return data[0].tables[data[1]][octave]
+        if op == "sample":
+            east, north, field = formula.args
+            x = self.col.astype(F) + known[id(east)]
+            y = self.row.astype(F) - known[id(north)]
+            return sampled(field.data.host(), *np.broadcast_arrays(x, y))
         args = [known[id(arg)] for arg in formula.args]
         if op == "noise":
             return self._noise(data, args, octave)
@@ -124,3 +130,37 @@ def _fixed(cells: Any) -> NDArray[np.int64]:
     part = ((held - whole) * F(16777216.0)).astype(U).astype(np.int64) << 8
     fixed: NDArray[np.int64] = (whole.astype(np.int64) << 32) + part
     return fixed
+
+
+def sampled(
+    field: NDArray[np.float32], x: NDArray[np.float32], y: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """Return a field between its samples, at column ``x`` and row ``y``, by Catmull-Rom splines.
+
+    Beyond the border its samples are repeated (Catmull & Rom 1974).
+    """
+    (columns, t), (rows, s) = (
+        _neighbours(at, count) for at, count in ((x, field.shape[1]), (y, field.shape[0]))
+    )
+    lines = [_spline([field[row, column] for column in columns], t) for row in rows]
+    return _spline(lines, s)
+
+
+def _neighbours(
+    at: NDArray[np.float32], count: int
+) -> tuple[list[NDArray[np.int32]], NDArray[np.float32]]:
+    """Return the four samples around each position, and where it is between the middle two."""
+    last = F(count - 1)
+    held = np.where(at > F(0), np.where(at < last, at, last), F(0))
+    first = held.astype(np.int32)
+    return [np.clip(first + step, 0, count - 1) for step in (-1, 0, 1, 2)], held - first.astype(F)
+
+
+def _spline(around: list[NDArray[np.float32]], t: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return a spline through four values, of whose differences alone it is made: level stays."""
+    a, b, c = (after - before for before, after in pairwise(around))
+    bend = F(3) * b - F(2) * a - c
+    result: NDArray[np.float32] = around[1] + F(0.5) * t * (
+        (a + b) + t * (bend + t * (a - F(2) * b + c))
+    )
+    return result

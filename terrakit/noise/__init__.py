@@ -162,7 +162,7 @@ def _lattice() -> list[Basis]:
             "Rolling hills of one size (improved Perlin noise).",
             reference.gradient,
             reference.gradient_slope,
-            deviation=0.297,
+            deviation=0.329,
         ),
         Basis(
             "simplex",
@@ -170,7 +170,7 @@ def _lattice() -> list[Basis]:
             reference.simplex,
             reference.simplex_slope,
             is_skewed=True,
-            deviation=0.525,
+            deviation=0.454,
             neighbours=3,
         ),
     ]

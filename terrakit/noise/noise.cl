@@ -14,11 +14,30 @@
 #define NOISE_TEXT(x) #x
 #define NOISE_PRAGMA(x) _Pragma(NOISE_TEXT(x))
 #ifdef TERRAKIT_CPU
-#define NOISE_LOOP_OF(lanes) NOISE_PRAGMA(clang loop vectorize(assume_safety) vectorize_width(lanes))
+#define NOISE_LOOP_OF(lanes) \
+    NOISE_PRAGMA(clang loop vectorize(assume_safety) vectorize_width(lanes))
 #define NOISE_LOOP NOISE_LOOP_OF(NOISE_LANES)
 #else
 #define NOISE_LOOP
 #endif
+
+// Positions along a row, in 32.32 fixed point, from words of 32 bits: a loop with 64-bit numbers in
+// it is half as wide. Good for 256 positions, of which NOISE_START is the first; then start again.
+//
+//     NOISE_START(u, first, step)
+//     NOISE_LOOP for (...) { ... NOISE_CELL(u) ... NOISE_FRACTION(u) ...; NOISE_STEP(u) }
+#define NOISE_START(u, first, step)                                                              \
+    uint u##_cell = (uint)((ulong)(first) >> 32), u##_main = (uint)(first) >> 8;                 \
+    uint u##_rest = (uint)(first) & 255u;                                                        \
+    const uint u##_cell_step = (uint)((ulong)(step) >> 32), u##_main_step = (uint)(step) >> 8;   \
+    const uint u##_rest_step = (uint)(step) & 255u;
+#define NOISE_STEP(u)              \
+    u##_cell += u##_cell_step;     \
+    u##_main += u##_main_step;     \
+    u##_rest += u##_rest_step;
+#define NOISE_CARRIED(u) (u##_main + (u##_rest >> 8))
+#define NOISE_CELL(u) (int)(u##_cell + (NOISE_CARRIED(u) >> 24))
+#define NOISE_FRACTION(u) ((float)(int)(NOISE_CARRIED(u) & 0xffffffu) * 5.9604644775390625e-8f)
 
 // Correctly rounded like sqrt(), which is a library call that stops wide loops on processors.
 #ifdef TERRAKIT_CPU
@@ -46,10 +65,10 @@ NOISE uint noise_row_seed(uint low, uint high)
     return exact_mix(high ^ noise_column_seed(low));
 }
 
-// Odd word of a lattice line; product is its index times NOISE_COLUMN or NOISE_ROW.
+// Word of a lattice line; product is its index times NOISE_COLUMN or NOISE_ROW.
 NOISE uint noise_line(uint product, uint seed)
 {
-    return (product ^ (product >> 15) ^ seed) | 1u;
+    return product ^ (product >> 15) ^ seed;
 }
 
 // The hash of a lattice point is the product of the words of its column and its row: one multiply
@@ -78,22 +97,13 @@ NOISE float noise_fade_slope(float t)
     return 30.0f * (s * s);
 }
 
-// Direction of a lattice gradient: parabolas through the zeros and peaks of sine and cosine,
-// scaled by 2^60. Lengths differ by 6 percent, the same in every quadrant.
+// Lattice gradient from the middle to anywhere on the square with corners on the axes, times 2^31.
 NOISE void noise_direction(uint hash, float *gx, float *gy)
 {
-    const float t = (float)(int)hash;
-    const float a = noise_magnitude(t);
-    const float q = 1073741824.0f - a;
-    *gx = q * (2147483648.0f - noise_magnitude(q));
-    *gy = t * (2147483648.0f - a);
-}
-
-NOISE float noise_ramp(uint hash, float x, float y)
-{
-    float gx, gy;
-    noise_direction(hash, &gx, &gy);
-    return gx * x + gy * y;
+    const float p = (float)(int)hash;
+    const uint rest = as_uint(2147483648.0f - noise_magnitude(p));
+    *gx = p;
+    *gy = as_float(rest ^ ((hash << 16) & 0x80000000u));
 }
 
 // One value a cell, in [-1, 1].
@@ -136,7 +146,7 @@ NOISE float noise_value(int i, int j, float x, float y, uint low, uint high)
 }
 
 // Gradients at lattice points, joined by quintics (Perlin 2002); in [-1, 1].
-#define NOISE_GRADIENT_SCALE 1.1564811e-18f
+#define NOISE_GRADIENT_SCALE 8.6994456e-10f
 NOISE float noise_gradient_slope(
     int i, int j, float x, float y, uint low, uint high, float *dx, float *dy)
 {
@@ -185,7 +195,7 @@ NOISE float noise_gradient(int i, int j, float x, float y, uint low, uint high)
 // Gradients at the corners of triangles (Perlin 2001), each fading to nothing at 1/sqrt(2).
 // The position is skewed: the lattice of the caller has sides along the triangles'.
 #define NOISE_UNSKEW 0.21132487f
-#define NOISE_SIMPLEX_SCALE 8.1124907e-17f
+#define NOISE_SIMPLEX_SCALE 4.765417e-8f
 NOISE float noise_simplex_slope(
     int i, int j, float x, float y, uint low, uint high, float *dx, float *dy)
 {

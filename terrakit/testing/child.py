@@ -61,6 +61,7 @@ def _end(child: subprocess.Popen[bytes]) -> None:
 
 def serve() -> None:
     """Answer requests on standard input until it ends."""
+    from terrakit.execute import grid_under
     from terrakit.running import Run
 
     answers = os.fdopen(os.dup(1), "wb")
@@ -71,7 +72,9 @@ def serve() -> None:
         except EOFError:
             return
         try:
-            answer = verb(operator)(subject, Run(seed, device).for_step(step))
+            run = Run(seed, device).for_step(step)
+            with run.watching(grid_under(subject)):
+                answer = verb(operator)(subject, run)
             content = pickle.dumps(answer)
         except Exception as error:
             content = pickle.dumps(f"{type(error).__name__}: {error}")

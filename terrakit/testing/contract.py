@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from terrakit.operators import Operator
-from terrakit.testing import declaration, erosion, files, results
+from terrakit.testing import composition, declaration, erosion, files, results
 from terrakit.testing.trial import ContractBroken, NotApplicable, Trial
 
 DECLARATION = (
@@ -30,15 +30,32 @@ RESULT = (
     results.awkward_terrain_is_survived,
     results.tile_equals_whole,
 )
+COMPOSED = (
+    erosion.maskable_parameters_take_layers,
+    erosion.wrong_layers_are_refused,
+    composition.terrain_parameters_take_terrain,
+    composition.wrong_terrains_are_refused,
+    composition.unknown_steps_are_refused,
+)
 SURFACE = (
     declaration.other_surfaces_are_refused,
     results.input_is_untouched,
     results.turning_turns_the_result,
-    erosion.maskable_parameters_take_layers,
-    erosion.wrong_layers_are_refused,
+    *COMPOSED,
 )
 CHECKS: dict[str, tuple[Callable[[Trial], None], ...]] = {
-    "generator": (*DECLARATION, *RESULT, results.far_away_is_as_sharp),
+    "generator": (*DECLARATION, *RESULT, *COMPOSED, results.far_away_is_as_sharp),
+    "filter": (
+        *DECLARATION,
+        *RESULT,
+        *SURFACE,
+        erosion.idle_settings_change_nothing,
+        erosion.cancel_is_answered,
+        erosion.finish_now_keeps_what_is_there,
+        composition.grid_is_as_announced,
+        composition.layers_come_along,
+        composition.small_terrain_is_no_trap,
+    ),
     "erosion": (
         *DECLARATION,
         *RESULT,

@@ -6,15 +6,26 @@ import json
 import math
 import pickle
 import re
+import types
 import typing
 from typing import Any
 
 from pydantic.fields import FieldInfo
 
 from terrakit.errors import TerrakitError
-from terrakit.operators import Erosion, Operator, Texture
-from terrakit.parameters import Maskable, Seed, bounds_of, check_bounds, unit_of
+from terrakit.operators import Erosion, Filter, Operator, Texture
+from terrakit.parameters import (
+    Seed,
+    bounds_of,
+    check_bounds,
+    is_file_path,
+    is_maskable,
+    is_source,
+    is_step_name,
+    unit_of,
+)
 from terrakit.registry import FAMILIES, check_declaration, default_registry
+from terrakit.sources import Chain
 from terrakit.testing.subjects import irregular_mesh, rough_terrain, with_layers
 from terrakit.testing.trial import Trial, refusing
 
@@ -29,7 +40,7 @@ def declares_itself(trial: Trial) -> None:
     operator = trial.operator
     base = next((b for b in FAMILIES.values() if issubclass(operator, b)), None)
     if base is None:
-        raise trial.broken("is no Generator, Erosion, Texture, Importer or Exporter")
+        raise trial.broken("is no Generator, Filter, Erosion, Texture, Importer or Exporter")
     try:
         check_declaration(operator, base)
     except TypeError as error:
@@ -137,7 +148,7 @@ def values_out_of_bounds_are_refused(trial: Trial) -> None:
     """Values beyond a bound, NaN, infinities and wrong types raise one line that names them."""
     for name, field in trial.operator.model_fields.items():
         wrong: list[Any] = [[[]], object()]
-        if _category(field) == "number":
+        if _category(field) in ("number", "terrain"):
             wrong += [math.nan, math.inf, -math.inf]
         for key, bound in bounds_of(field).items():
             outward = 1.0 if "max" in key.lower() else -1.0
@@ -158,13 +169,14 @@ def other_surfaces_are_refused(trial: Trial) -> None:
 
     operator = trial.made()
     verb = trial.operator.kind
-    trial.needs(issubclass(trial.operator, (Erosion, Texture)), f"a {verb} takes no surface")
+    takes = issubclass(trial.operator, (Filter, Erosion, Texture))
+    trial.needs(takes, f"a {verb} takes no surface")
     wrong: list[tuple[str, Any]] = [("a plain array", rough_terrain().elevation)]
     if TriMesh not in trial.operator.surfaces:
         wrong.append(("a mesh", with_layers(trial.operator, irregular_mesh())))
     if Heightfield not in trial.operator.surfaces:
         wrong.append(("a heightfield", with_layers(trial.operator, rough_terrain())))
-    else:
+    elif not issubclass(trial.operator, Filter):
         wrong.append(("a terrain of 2x2", with_layers(trial.operator, rough_terrain((2, 2)))))
     if set(trial.operator.reads) - {"elevation"} and Heightfield in trial.operator.surfaces:
         wrong.append(("a terrain without its layers", rough_terrain()))
@@ -183,11 +195,17 @@ def _category(field: FieldInfo) -> str:
     annotation: Any = field.annotation
     if annotation == Seed:
         return "seed"
-    if annotation == Maskable:
+    if is_maskable(annotation):
         return "number"
+    if is_source(annotation) or annotation is Chain:
+        return "terrain"
+    if is_step_name(field):
+        return "step"
+    if is_file_path(field):
+        return "file"
     choices = [a for a in typing.get_args(annotation) if a is not type(None)]
-    if choices and typing.get_origin(annotation) is not typing.Literal:
-        annotation = choices[0] if len(choices) == 1 else annotation
+    if len(choices) == 1 and typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        annotation = choices[0]
     if annotation in (int, float):
         return "number"
     if annotation is bool:

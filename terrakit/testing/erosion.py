@@ -8,13 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrakit.errors import Cancelled, TerrakitError
-from terrakit.heightfield import Heightfield
+from terrakit.heightfield import Grid, Heightfield
 from terrakit.mesh import TriMesh
-from terrakit.operators import Erosion, Operator, Surface, Texture
-from terrakit.parameters import FromLayer, Maskable, Schedule, bounds_of, within
+from terrakit.operators import Exporter, Generator, Importer, Operator, Surface
+from terrakit.parameters import FromLayer, Schedule, bounds_of, is_maskable, within
 from terrakit.quanta import FINENESS
 from terrakit.running import Progress, Run
-from terrakit.testing.subjects import SHAPES, rough_terrain, smooth_terrain, with_layers
+from terrakit.testing.subjects import (
+    SHAPES,
+    Level,
+    Ramp,
+    rough_terrain,
+    smooth_terrain,
+    with_layers,
+)
 from terrakit.testing.trial import Trial, difference, refusing
 
 LOST = 1e-9
@@ -187,30 +194,19 @@ def refines(trial: Trial) -> None:
 
 
 def maskable_parameters_take_layers(trial: Trial) -> None:
-    """A constant layer gives the bytes of the number; other layers and schedules are taken."""
+    """A constant layer, step or chain gives the bytes of the number; varying ones are taken."""
     names = maskable(trial.operator)
     trial.needs(bool(names), "has no maskable parameter")
     for kind, _ in trial.subjects():
         for name in names:
-            low, value = _two_values(trial, name)
-            plain = trial.applied(_masked(trial, kind, value), operator=trial.made(**{name: value}))
-            for what, same in (
-                ("a layer of that value", "mask_value"),
-                ("a scaled layer", FromLayer(layer="mask_ramp", low=value, high=value)),
-                ("a flat schedule", Schedule(at=[0.0, 1.0], value=[value, value])),
-            ):
-                subject = _masked(trial, kind, value)
-                result = trial.applied(subject, operator=trial.made(**{name: same}))
-                gap = difference(plain, result)
+            low, value = two_values(trial, name)
+            plain = _driven(trial, kind, name, value, value)
+            for what, same in _constant(kind, value):
+                gap = difference(plain, _driven(trial, kind, name, value, same))
                 if gap:
                     raise trial.broken(f"{name} = {value:g} and {what}: {gap}")
-            for varying in (
-                FromLayer(layer="mask_ramp", low=low, high=value),
-                Schedule(at=[0.0, 0.5, 1.0], value=[low, value, low]),
-            ):
-                result = trial.applied(
-                    _masked(trial, kind, value), operator=trial.made(**{name: varying})
-                )
+            for varying in _varying(kind, low, value):
+                result = _driven(trial, kind, name, value, varying)
                 for layer in result:
                     if not np.isfinite(result.layer(layer)).all():
                         raise trial.broken(f"{name} = {varying!r}: {layer} is not finite")
@@ -222,7 +218,7 @@ def schedules_take_effect(trial: Trial) -> None:
     trial.needs(bool(names), "has no maskable parameter")
     for kind, _ in trial.subjects():
         for name in names:
-            low, value = _two_values(trial, name)
+            low, value = two_values(trial, name)
             ends = [
                 trial.applied(_fresh(trial, kind), operator=trial.made(**{name: v}))
                 for v in (value, low)
@@ -236,17 +232,20 @@ def schedules_take_effect(trial: Trial) -> None:
 
 
 def wrong_layers_are_refused(trial: Trial) -> None:
-    """A layer that is not there, or leaves the bounds, is refused with the parameter's name."""
+    """A layer or step that is not there, or leaves the bounds, is refused by parameter's name."""
     names = maskable(trial.operator)
     trial.needs(bool(names), "has no maskable parameter")
     for kind, _ in trial.subjects():
         for name in names:
-            wrong: list[Any] = ["mask_that_is_not_there"]
+            wrong: list[Any] = ["mask_that_is_not_there", "step_that_is_not_there.elevation"]
             if bounds_of(trial.operator.model_fields[name]):
-                wrong.append("mask_out_of_bounds")
+                wrong.append("wild" if kind == "grid" else "mask_out_of_bounds")
+                if kind != "TriMesh":
+                    wrong.append(Ramp(low=-3e38, high=3e38))
             for value in wrong:
                 with refusing(trial, f"{name} = {value!r}") as message:
-                    trial.apply(_masked(trial, kind, 0.0), operator=trial.made(**{name: value}))
+                    subject, run = _masked(trial, kind, 0.0)
+                    trial.apply(subject, operator=trial.made(**{name: value}), run=run)
                 if name not in message[0]:
                     raise trial.broken(f"does not name {name} when refusing it: {message[0]}")
 
@@ -277,10 +276,10 @@ def weights_sum_to_one(trial: Trial) -> None:
 
 
 def maskable(operator: type[Operator]) -> list[str]:
-    """Return the parameters that take a layer or a schedule."""
-    if not issubclass(operator, (Erosion, Texture)):
+    """Return the parameters that take a layer, a schedule or a chain."""
+    if issubclass(operator, (Importer, Exporter)):
         return []
-    return [n for n, f in operator.model_fields.items() if f.annotation == Maskable]
+    return [n for n, f in operator.model_fields.items() if is_maskable(f.annotation)]
 
 
 def with_layers_smooth(operator: type[Operator], terrain: Heightfield) -> Surface:
@@ -315,7 +314,7 @@ def _fresh(trial: Trial, kind: str) -> Any:
     return next(subject for name, subject in trial.subjects() if name == kind)
 
 
-def _two_values(trial: Trial, name: str) -> tuple[float, float]:
+def two_values(trial: Trial, name: str) -> tuple[float, float]:
     """Return a lower value than the usual one, and the usual one, both exact in float32."""
     field = trial.operator.model_fields[name]
     now = getattr(trial.made(), name)
@@ -327,12 +326,59 @@ def _two_values(trial: Trial, name: str) -> tuple[float, float]:
     raise trial.broken(f"{name}: there is no other value within bounds near {value:g}")
 
 
-def _masked(trial: Trial, kind: str, value: float) -> Surface:
-    surface: Surface = _fresh(trial, kind)
-    shape = surface.elevation.shape
+def _driven(trial: Trial, kind: str, name: str, value: float, given: Any) -> Any:
+    """Return the result where a maskable parameter is ``given``; see :func:`_masked`."""
+    subject, run = _masked(trial, kind, value)
+    return trial.applied(subject, operator=trial.made(**{name: given}), run=run)
+
+
+def _constant(kind: str, value: float) -> list[tuple[str, Any]]:
+    """Return everything that means ``value`` everywhere, on the subjects of :func:`_masked`."""
+    flat = Schedule(at=[0.0, 1.0], value=[value, value])
+    if kind == "grid":
+        return [
+            ("a flat step", "value"),
+            ("a layer of a step", "value.mask_value"),
+            ("a scaled step", FromLayer(layer="ramp", low=value, high=value)),
+            ("a flat chain", Level(offset=value)),
+            ("a flat schedule", flat),
+        ]
+    given: list[tuple[str, Any]] = [
+        ("a layer of that value", "mask_value"),
+        ("a scaled layer", FromLayer(layer="mask_ramp", low=value, high=value)),
+        ("a flat schedule", flat),
+        ("a layer of a step", "value.mask_value"),
+    ]
+    return given if kind == "TriMesh" else [*given, ("a flat chain", Level(offset=value))]
+
+
+def _varying(kind: str, low: float, value: float) -> list[Any]:
+    """Return what means ``low`` here and ``value`` there, or now and then."""
+    ramp = "ramp" if kind == "grid" else "mask_ramp"
+    given: list[Any] = [
+        FromLayer(layer=ramp, low=low, high=value),
+        Schedule(at=[0.0, 0.5, 1.0], value=[low, value, low]),
+    ]
+    return given if kind == "TriMesh" else [*given, Ramp(low=low, high=value)]
+
+
+def _masked(trial: Trial, kind: str, value: float) -> tuple[Any, Run]:
+    """Return a subject with layers to name, and a run with steps to name."""
+    subject = _fresh(trial, kind)
+    ground: Surface = subject
+    if isinstance(subject, Grid):
+        ground = Heightfield.on_grid(subject, np.zeros(subject.shape, dtype=np.float32))
+    shape = ground.elevation.shape
     ramp = np.linspace(0.0, 1.0, int(np.prod(shape)), dtype=np.float32).reshape(shape)
-    return surface.with_layers(
-        mask_value=np.full(shape, np.float32(value)),
-        mask_ramp=ramp,
-        mask_out_of_bounds=np.where(ramp > 0.5, np.float32(3e38), np.float32(-3e38)),
-    )
+    layers = {
+        "mask_value": np.full(shape, np.float32(value)),
+        "mask_ramp": ramp,
+        "mask_out_of_bounds": np.where(ramp > 0.5, np.float32(3e38), np.float32(-3e38)),
+    }
+    ground = ground.with_layers(**layers)
+    earlier = {"value": ground}
+    if isinstance(ground, Heightfield):
+        steps = {"value": "mask_value", "ramp": "mask_ramp", "wild": "mask_out_of_bounds"}
+        earlier = {s: ground.with_layers(elevation=layers[layer]) for s, layer in steps.items()}
+    run = Run(7, trial.device, earlier=earlier)
+    return (subject if issubclass(trial.operator, Generator) else ground), run

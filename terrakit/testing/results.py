@@ -11,7 +11,7 @@ from terrakit.errors import TerrakitError
 from terrakit.heightfield import Grid, Heightfield
 from terrakit.layers import covers
 from terrakit.mesh import TriMesh
-from terrakit.operators import Generator, Surface, Texture
+from terrakit.operators import Filter, Generator, Surface, Texture
 from terrakit.running import Run
 from terrakit.testing.child import run_elsewhere
 from terrakit.testing.subjects import (
@@ -93,6 +93,7 @@ def input_is_untouched(trial: Trial) -> None:
 def writes_what_it_declares(trial: Trial) -> None:
     """Declared layers are there and finite; every other layer is the very object handed in."""
     declared = trial.operator.writes
+    moves = issubclass(trial.operator, Filter) and trial.operator.changes_grid
     for kind, subject in trial.subjects():
         result = trial.applied(subject)
         if not isinstance(result, (Heightfield, TriMesh)):
@@ -105,13 +106,15 @@ def writes_what_it_declares(trial: Trial) -> None:
         else:
             if type(result) is not type(subject):
                 raise trial.broken(f"turned a {kind} into a {type(result).__name__}")
-            if isinstance(result, Heightfield) and result.grid != before.grid:
+            if isinstance(result, Heightfield) and result.grid != before.grid and not moves:
                 raise trial.broken("changed the grid")
         for name in result:
             if covers(declared, name):
                 continue
             if name not in before and not (isinstance(result, TriMesh) and name == "elevation"):
                 raise trial.broken(f"wrote layer {name!r}, which it does not declare")
+            if moves:
+                continue  # it takes every layer along, see layers_come_along
             if isinstance(result, Heightfield):
                 shared = result.layers[name] is subject.layers[name]
             else:
@@ -196,12 +199,15 @@ def tile_equals_whole(trial: Trial) -> None:
     locality = trial.operator.locality
     trial.needs(locality != "global", "declares locality = 'global'")
     trial.needs(Heightfield in trial.operator.surfaces, "works on meshes only")
+    trial.needs(not getattr(trial.operator, "changes_grid", False), "changes the grid")
     rounds = 1
     changes: dict[str, Any] = {}
-    if not issubclass(trial.operator, (Generator, Texture)):
-        trial.needs("iterations" in trial.operator.model_fields, "has no 'iterations' to count")
+    counts = "iterations" in trial.operator.model_fields
+    if not issubclass(trial.operator, (Generator, Texture)) and counts:
         rounds = 3
         changes["iterations"] = rounds
+    elif not issubclass(trial.operator, (Generator, Filter, Texture)):
+        trial.needs(False, "has no 'iterations' to count")
     operator = trial.made(**changes)
     for spacing, origin in ((10.0, None), (7.3, (1e6, 2e6)), (30.0, (-123456.7, 89.1))):
         margin = 0
@@ -221,7 +227,10 @@ def tile_equals_whole(trial: Trial) -> None:
         else:
             terrain = with_layers(trial.operator, terrain)
             subjects = (terrain, crop(terrain, top, left, rows, cols))
-        made = [trial.applied(subject, operator=operator) for subject in subjects]
+        made = [
+            trial.applied(subject, operator=operator, run=Run(SEED, trial.device, world=whole))
+            for subject in subjects
+        ]
         inner = rows - 2 * margin, cols - 2 * margin
         expected = crop(made[0], top + margin, left + margin, *inner)
         gap = difference(expected, crop(made[1], margin, margin, *inner))

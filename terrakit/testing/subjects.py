@@ -7,10 +7,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from terrakit.heightfield import Heightfield
+from terrakit.heightfield import Grid, Heightfield
 from terrakit.layers import layer_kind
 from terrakit.mesh import TriMesh
-from terrakit.operators import Operator, Surface
+from terrakit.operators import Generator, Operator, Surface
+from terrakit.parameters import parameter
+from terrakit.running import Run
 
 SHAPES = ((3, 3), (17, 5), (5, 17), (33, 33), (64, 48), (65, 129))
 """Rows and columns: smallest, narrow, power of two plus one, non-square, more than one group."""
@@ -18,6 +20,37 @@ CORNERS = {"north west": 400.0, "north east": 300.0, "south east": 200.0, "south
 """Heights of the four spikes of :func:`compass_terrain`, metres."""
 
 Turn = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+
+
+class Level(Generator):
+    """Make flat ground, to stand in a parameter for the number that is its height."""
+
+    name = "level"
+    fields = 1
+
+    offset: float = parameter(0.0, "Height of the ground.", unit="m")
+
+    def generate(self, grid: Grid, run: Run) -> Heightfield:
+        """Return flat ground."""
+        del run
+        return Heightfield.on_grid(grid, np.full(grid.shape, self.offset, dtype=np.float32))
+
+
+class Ramp(Generator):
+    """Make ground that rises from west to east, from one height to another."""
+
+    name = "ramp"
+    fields = 1
+
+    low: float = parameter(0.0, "Height of the west.", unit="m")
+    high: float = parameter(1.0, "Height of the east.", unit="m")
+
+    def generate(self, grid: Grid, run: Run) -> Heightfield:
+        """Return a ramp that nowhere leaves its two heights."""
+        del run
+        row = np.linspace(self.low, self.high, grid.shape[1])
+        row = np.clip(row, min(self.low, self.high), max(self.low, self.high))
+        return Heightfield.on_grid(grid, np.broadcast_to(row, grid.shape))
 
 
 def rough_terrain(
@@ -176,4 +209,7 @@ def _field(name: str, surface: Surface, order: int) -> NDArray[np.float32]:
         "m2": (100.0, 1e6),
     }.get(kind.unit if kind else "1", (0.0, 1.0))
     random = np.random.default_rng(100 + order)
-    return random.uniform(low, high, surface.elevation.shape).astype(np.float32)
+    if name == "water_depth":  # half of the ground is dry
+        low = -high
+    field = random.uniform(low, high, surface.elevation.shape)
+    return np.maximum(field, 0.0).astype(np.float32)

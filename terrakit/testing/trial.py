@@ -11,9 +11,10 @@ import numpy as np
 
 from terrakit.compute import NUMPY, choose_device
 from terrakit.errors import TerrakitError
+from terrakit.execute import grid_under
 from terrakit.heightfield import Grid, Heightfield
 from terrakit.mesh import TriMesh
-from terrakit.operators import Erosion, Generator, Importer, Operator, Surface, Texture
+from terrakit.operators import Erosion, Filter, Generator, Importer, Operator, Surface, Texture
 from terrakit.running import Run
 from terrakit.testing.subjects import irregular_mesh, rough_terrain, with_layers
 
@@ -83,7 +84,7 @@ class Trial:
         run = run or Run(seed, device or self.device, work_group=work_group)
         run = run.for_step(self.name) if not run.step else run
         try:
-            with run.watching(), np.errstate(all="warn"):
+            with run.watching(grid_under(subject)), np.errstate(all="warn"):
                 result = verb(operator)(subject, run)
                 if isinstance(result, Heightfield):
                     for name in result:  # a device array moves now, not in the check
@@ -134,6 +135,8 @@ def verb(operator: Operator) -> Callable[[Any, Run], Any]:
     """Return the one method that makes an operator of its kind what it is."""
     if isinstance(operator, Generator):
         return operator.generate
+    if isinstance(operator, Filter):
+        return operator.apply
     if isinstance(operator, Erosion):
         return operator.erode
     if isinstance(operator, Texture):

@@ -54,6 +54,7 @@ def test_help_names_every_command(terrakit):
         "run",
         "validate",
         "generate",
+        "filter",
         "erode",
         "texture",
         "convert",

@@ -59,7 +59,7 @@ def test_no_recipe(terrakit, text, words):
         (HEADER + FBM + '[[step]]\nuse = "thermel"\n', ["step 2", "did you mean thermal?"]),
         (HEADER + FBM + 'preset = "hill"\n', ["preset = 'hill'", "hills"]),
         (HEADER + '[[step]]\nuse = "thermal"\n', ["step 1", "begin with a generator"]),
-        (HEADER + FBM + FBM, ["step 2", "must be the first"]),
+        (HEADER + FBM + FBM, ["step 2 'fbm_2'", "discard", "step 1 'fbm'", 'other = "fbm"']),
         (
             HEADER + FBM + 'name = "x"\n' + '[[step]]\nuse = "thermal"\nname = "x"\n',
             ["steps 1 and 2", "'x'"],

@@ -30,6 +30,7 @@ def test_operator(check: Check) -> None:
 def test_every_kind_of_operator_is_tried() -> None:
     assert {o.kind for o in default_registry().operators()} == {
         "generator",
+        "filter",
         "erosion",
         "texture",
         "importer",

@@ -244,3 +244,28 @@ def test_a_long_sum_does_not_exhaust_the_stack() -> None:
         return total
 
     assert (both(make) == 300 * 299 / 2).all()
+
+
+def test_samples_between_samples_are_splines() -> None:
+    """Catmull-Rom keeps quadratics, and whole steps move by whole samples, bit for bit."""
+    row, col = np.mgrid[0:20, 0:300].astype(np.float64)
+    terrain = Heightfield(0.01 * col**2 - 0.3 * row * col + 5.0, 10.0)
+
+    def at(east: float, north: float) -> list[Field]:
+        made = []
+        for device in ("numpy", None):
+            place = f.Place(terrain.grid, Run(1, device), terrain).displaced(east, north)
+            (values,) = place.computed(place.layer())
+            made.append(values if isinstance(values, np.ndarray) else values.download())
+        assert np.array_equal(made[0].view(np.int32), made[1].view(np.int32))
+        return made
+
+    whole = at(30.0, -20.0)[0]
+    assert np.array_equal(whole[:-2, :-3], terrain.elevation[2:, 3:])
+    assert (whole[:, -3:] == whole[:, -1:]).all()
+    between = at(4.0, 7.0)[0]
+    x, y = col + 0.4, row - 0.7
+    expected = 0.01 * x**2 - 0.3 * y * x + 5.0
+    assert np.abs(between - expected)[3:-3, 3:-3].max() < 1e-2
+    for far in (1e30, -1e30, math.inf):
+        assert np.isfinite(at(far, far)[0]).all()

@@ -220,7 +220,7 @@ def test_slip_faces_lie_at_the_angle_of_repose(form: str) -> None:
         if form != "star":
             assert 30.0 <= np.median(slope[steep]) <= 34.0
             assert (east[steep] < 0).mean() > 0.95  # on the lee, and nowhere else
-        assert np.quantile(slope, 0.999) < 36.0
+        assert np.quantile(slope, 0.99) < 35.0
 
 
 def test_lone_dunes_that_do_not_fit_are_refused() -> None:

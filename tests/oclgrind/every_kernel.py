@@ -20,7 +20,7 @@ from terrakit.execute import execute
 from terrakit.routing import accumulate, filled, flow_length, outlets, route
 from terrakit_erosion.stream_power import StreamPower
 from terrakit_erosion.thermal import Thermal
-from terrakit_generators.fbm import Fbm
+from terrakit_generators.fractals.fbm import Fbm
 
 SHAPES = ((3, 3), (16, 16), (17, 5))
 

@@ -10,7 +10,20 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from terrakit import Exporter, Generator, Grid, Heightfield, Importer, Run, Texture, TriMesh
+from terrakit import (
+    Exporter,
+    Filter,
+    Generator,
+    Grid,
+    Heightfield,
+    Importer,
+    InputError,
+    Run,
+    Source,
+    StepName,
+    Texture,
+    TriMesh,
+)
 from terrakit.operators import Erosion, Operator
 from terrakit.parameters import Maskable, Seed, parameter
 from terrakit.testing import (
@@ -434,6 +447,326 @@ def test_other_kinds_fail_their_checks(operator: type[Operator], expected: set[s
     broken = broken_contracts(operator)
     assert expected <= set(broken), broken
     assert set(broken) <= expected | {"cut_files_are_refused", "junk_is_refused"}, broken
+
+
+class Smear(Filter):
+    """Draw every sample towards the mean of its neighbours, but nowhere below another terrain."""
+
+    name = "smear"
+    locality = "stencil"
+    idle: ClassVar = {"share": 0.0, "other": -1e6}
+
+    share: Maskable = parameter(0.5, "How far towards the mean.", ge=0, le=1)
+    other: Source = parameter(-50.0, "Terrain that stands out.", unit="m", ge=-1e6, le=1e6)
+    like: StepName | None = parameter(None, "A step, if any, whose height counts as well.")
+
+    def reach(self, spacing: float) -> int | None:
+        """Return 1."""
+        return 1
+
+    def apply(self, surface: Heightfield, run: Run) -> Heightfield:
+        """Return smoother ground; the sums are such that no side comes first."""
+        near = np.pad(surface.elevation, 1, mode="edge")
+        sum_of = (near[:-2, 1:-1] + near[2:, 1:-1]) + (near[1:-1, :-2] + near[1:-1, 2:])
+        share = np.asarray(self.shares(surface), dtype=np.float32)
+        height = surface.elevation + share * (np.float32(0.25) * sum_of - surface.elevation)
+        if self.like is not None:
+            height = height + np.float32(self.step(run).elevation.mean())
+        height = np.maximum(height, self.ground(surface, run))
+        return surface.with_layers(elevation=height)
+
+    def shares(self, surface: Heightfield) -> Any:
+        """Return how far to go."""
+        return self.value("share", surface)
+
+    def ground(self, surface: Heightfield, run: Run) -> Any:
+        """Return the other terrain."""
+        return run.terrain(self.other, surface.grid).elevation
+
+    def step(self, run: Run) -> Any:
+        """Return the surface of a step."""
+        assert self.like is not None
+        return run.named(self.like)
+
+
+class Leans(Smear):
+    """Look west alone."""
+
+    name = "leans"
+    idle: ClassVar = {}
+
+    def reach(self, spacing: float) -> int | None:
+        """Return 2."""
+        return 2
+
+    def apply(self, surface: Heightfield, run: Run) -> Heightfield:
+        """Return ground that leans."""
+        west = np.pad(surface.elevation, ((0, 0), (1, 0)), mode="edge")[:, :-1]
+        return super().apply(surface.with_layers(elevation=west), run)
+
+
+class Mound(Filter):
+    """Raise a mound in the middle of the world, as a filter must."""
+
+    name = "mound"
+
+    def apply(self, surface: Heightfield, run: Run) -> Heightfield:
+        """Return ground with a mound."""
+        world = self.world(surface, run)
+        rows, cols = np.indices(surface.shape)
+        west, north = np.subtract(surface.grid.north_west, world.north_west) / world.spacing
+        across = np.abs(2 * (cols + round(west)) - world.shape[1] + 1)
+        along = np.abs(2 * (rows - round(north)) - world.shape[0] + 1)
+        mound = (100 - np.maximum(across, along)).astype(np.float32)
+        return surface.with_layers(elevation=surface.elevation + mound)
+
+    def world(self, surface: Heightfield, run: Run) -> Grid:
+        """Return where the middle is."""
+        assert run.world is not None
+        return run.world
+
+
+class TileMound(Mound):
+    """Raise a mound in the middle of whatever is there."""
+
+    name = "tile_mound"
+
+    def world(self, surface: Heightfield, run: Run) -> Grid:
+        """Return the tile."""
+        return surface.grid
+
+
+class NumbersOnly(Smear):
+    """Take a number, and no terrain."""
+
+    name = "numbers_only"
+
+    def ground(self, surface: Heightfield, run: Run) -> Any:
+        """Return the number, or a guess."""
+        return np.float32(self.other if isinstance(self.other, float) else 0.0)
+
+
+class Trusting(Smear):
+    """Take the numbers of another terrain, wherever it lies."""
+
+    name = "trusting"
+
+    def ground(self, surface: Heightfield, run: Run) -> Any:
+        """Return an elevation that may be of another place."""
+        if isinstance(self.other, str) and "." not in self.other:
+            found = run.named(self.other)
+            return np.asarray(found.elevation).reshape(surface.shape)
+        return super().ground(surface, run)
+
+
+class Unmasked(Smear):
+    """Look at the mean of a mask."""
+
+    name = "unmasked"
+    idle: ClassVar = {}
+
+    def shares(self, surface: Heightfield) -> Any:
+        """Return one number, which a constant mask would not reveal."""
+        share = np.asarray(self.value("share", surface), dtype=np.float32)
+        return share.max() if share.ndim == 0 else share.max() / np.float32(2)
+
+
+class Guesses(Smear):
+    """Make do without the step that was named."""
+
+    name = "guesses"
+
+    def step(self, run: Run) -> Any:
+        """Return any step."""
+        return run.earlier.get(str(self.like)) or next(iter(run.earlier.values()))
+
+
+class Rounds(Smear):
+    """Round where there is nothing to do."""
+
+    name = "rounds"
+
+    def apply(self, surface: Heightfield, run: Run) -> Heightfield:
+        """Return rounded heights."""
+        made = super().apply(surface, run)
+        return made.with_layers(elevation=np.rint(made.elevation))
+
+
+class Crashes(Smear):
+    """Count on a second row."""
+
+    name = "crashes"
+
+    def apply(self, surface: Heightfield, run: Run) -> Heightfield:
+        """Return ground, if it is large enough."""
+        assert surface.elevation[1, 1] is not None
+        return super().apply(surface, run)
+
+
+class Refuses(Crashes):
+    """Count on a second row, and say so."""
+
+    name = "refuses"
+
+    def apply(self, surface: Heightfield, run: Run) -> Heightfield:
+        """Return ground, if it is large enough."""
+        if min(surface.shape) < 2:
+            raise InputError(f"the terrain has {surface.shape} samples; needs two rows")
+        return super().apply(surface, run)
+
+
+class Unhurried(Smear):
+    """Take its time, and answer no cancel."""
+
+    name = "unhurried"
+
+    def apply(self, surface: Heightfield, run: Run) -> Heightfield:
+        """Return the result after eight steps."""
+        for step in range(8):
+            if not run.is_finishing:
+                run._report(step, 8)
+        return super().apply(surface, run)
+
+
+class Finer(Filter):
+    """Put samples between the samples."""
+
+    name = "finer"
+    changes_grid = True
+    locality = "global"
+    trial: ClassVar = {}
+
+    def grid_after(self, grid: Grid) -> Grid | None:
+        """Return the grid of half the spacing."""
+        rows, cols = grid.shape
+        return Grid((2 * rows - 1, 2 * cols - 1), grid.spacing / 2, grid.origin, grid.crs)
+
+    def apply(self, surface: Heightfield, run: Run) -> Heightfield:
+        """Return the mean of the neighbours between samples."""
+        layers = {name: self.finer(surface.layer(name)) for name in surface}
+        grid = Finer.grid_after(self, surface.grid)
+        assert grid is not None
+        made = Heightfield.on_grid(grid, layers.pop("elevation"))
+        return made.with_layers(**{n: self.along(f) for n, f in layers.items()})
+
+    def finer(self, field: Any) -> Any:
+        """Return a field of twice the samples; its four corners are summed crosswise."""
+        rows, cols = field.shape
+        made = np.empty((2 * rows - 1, 2 * cols - 1), dtype=np.float32)
+        made[::2, ::2] = field
+        made[1::2, ::2] = np.float32(0.5) * (field[1:] + field[:-1])
+        made[::2, 1::2] = np.float32(0.5) * (field[:, 1:] + field[:, :-1])
+        first, second = field[:-1, :-1] + field[1:, 1:], field[1:, :-1] + field[:-1, 1:]
+        made[1::2, 1::2] = np.float32(0.25) * (first + second)
+        return made
+
+    def along(self, field: Any) -> Any:
+        """Return a layer as it comes along."""
+        return field
+
+
+class Blanks(Finer):
+    """Forget what the layers held."""
+
+    name = "blanks"
+
+    def along(self, field: Any) -> Any:
+        """Return nothing."""
+        return np.zeros_like(field)
+
+
+class Overshoots(Finer):
+    """Let the layers run out of their range."""
+
+    name = "overshoots"
+
+    def along(self, field: Any) -> Any:
+        """Return too much."""
+        return field * np.float32(3)
+
+
+class Lost(Finer):
+    """Land elsewhere than announced."""
+
+    name = "lost"
+
+    def grid_after(self, grid: Grid) -> Grid | None:
+        """Return the grid that there was."""
+        return grid
+
+
+class Hills(Generator):
+    """Make ground whose height may differ from place to place."""
+
+    name = "hills"
+    amplitude: Maskable = parameter(10.0, "Height of the hills.", unit="m", ge=0, le=1e6)
+
+    def generate(self, grid: Grid, run: Run) -> Heightfield:
+        """Return waves along the world's x."""
+        first = round(grid.north_west[0] / grid.spacing)
+        wave = np.float32(0.125) * ((first + np.arange(grid.shape[1])) % 8).astype(np.float32)
+        height = np.asarray(self.height(grid), dtype=np.float32) * wave[None, :]
+        return Heightfield.on_grid(grid, np.broadcast_to(height, grid.shape))
+
+    def height(self, grid: Grid) -> Any:
+        """Return the amplitude."""
+        return self.value("amplitude", grid)
+
+
+class Stiff(Hills):
+    """Read one number of a field."""
+
+    name = "stiff"
+
+    def height(self, grid: Grid) -> Any:
+        """Return the last value of the first row, doubled where it is a field."""
+        value = np.asarray(self.value("amplitude", grid), dtype=np.float32)
+        return value if value.ndim == 0 else value[0, -1] * 2
+
+
+class Carefree(Hills):
+    """Make do without the terrain that was named."""
+
+    name = "carefree"
+
+    def height(self, grid: Grid) -> Any:
+        """Return the amplitude, or ten."""
+        try:
+            return self.value("amplitude", grid)
+        except ValueError:
+            return 10.0
+
+
+COMPOSED: list[tuple[type[Operator], set[str]]] = [
+    (Smear, set()),
+    (Mound, set()),
+    (Refuses, set()),
+    (Finer, set()),
+    (Hills, set()),
+    (Leans, {"turning_turns_the_result"}),
+    (TileMound, {"tile_equals_whole"}),
+    (NumbersOnly, {"terrain_parameters_take_terrain"}),
+    (Trusting, {"wrong_terrains_are_refused"}),
+    (Unmasked, {"maskable_parameters_take_layers"}),
+    (Guesses, {"unknown_steps_are_refused"}),
+    (Rounds, {"idle_settings_change_nothing"}),
+    (Crashes, {"small_terrain_is_no_trap"}),
+    (Unhurried, {"cancel_is_answered"}),
+    (Blanks, {"layers_come_along"}),
+    (Overshoots, {"layers_come_along"}),
+    (Lost, {"grid_is_as_announced"}),
+    (Stiff, {"maskable_parameters_take_layers"}),
+    (Carefree, {"wrong_layers_are_refused"}),
+]
+
+
+@pytest.mark.parametrize(("operator", "expected"), COMPOSED, ids=lambda v: getattr(v, "name", ""))
+def test_filters_and_what_takes_terrain(operator: type[Operator], expected: set[str]) -> None:
+    broken = broken_contracts(operator)
+    assert set(broken) == expected, broken
+    for sentence in broken.values():
+        assert sentence.startswith(f"{operator.name}: ")
+        assert "\n" not in sentence
 
 
 @pytest.mark.parametrize("wrong", [np.fliplr, np.flipud, np.transpose, lambda a: np.rot90(a, 2)])

@@ -14,9 +14,12 @@ from terrakit_generators.fractals.octaves import Basis
 class DomainWarp(FormulaGenerator):
     """Bend another generator's terrain: every place takes the height of a place nearby.
 
-    The displacement is fractal noise, itself taken at a displaced place, ``depth`` times::
+    The displacement is fractal noise, itself taken at a displaced place, ``nesting`` times::
 
-        p_(k+1) = p_0 + strength (a_k(p_k), b_k(p_k)),  z(p_0) = source(p_depth)
+        p_(k+1) = p_0 + strength (a_k(p_k), b_k(p_k)),  z(p_0) = source(p_nesting)
+
+    What is there as samples (an earlier step) is interpolated by Catmull-Rom splines and ends at its
+    border, whose heights are repeated beyond.
 
     References
     ----------
@@ -30,7 +33,7 @@ class DomainWarp(FormulaGenerator):
 
     source: Source = parameter(
         Chain(operators=(Fbm(),)),
-        "The generator that is bent: noise, a landform, another domain_warp.",
+        "The terrain that is bent: noise, a landform, an earlier step, another domain_warp.",
     )
     strength: Maskable = parameter(
         3000.0, "Farthest that a place is moved.", unit="m", ge=0, le=1e6
@@ -41,20 +44,20 @@ class DomainWarp(FormulaGenerator):
     octaves: int = parameter(
         5, "Layers of ever finer detail; each is finer by the lacunarity.", ge=1, le=24
     )
-    depth: int = parameter(2, "How often the warp is warped itself.", ge=1, le=8)
+    nesting: int = parameter(2, "How often the warp is warped itself.", ge=1, le=8)
     basis: Basis = parameter("gradient", "The noise that is summed.", advanced=True)
     seed: Seed = parameter(0, "Another number or word gives other hills.")
 
     presets: ClassVar = {
-        "marble": {"strength": 5000.0, "depth": 3},
-        "breeze": {"strength": 1000.0, "depth": 1, "octaves": 3},
+        "marble": {"strength": 5000.0, "nesting": 3},
+        "breeze": {"strength": 1000.0, "nesting": 1, "octaves": 3},
     }
 
     def height(self, place: Place) -> Formula:
         """Return the height of the source at the displaced place."""
         strength = place.value(self, "strength")
         at = place
-        for bend in range(self.depth):
+        for bend in range(self.nesting):
             east, north = (self._bend(at, f"{axis} {bend}") for axis in ("east", "north"))
             at = place.displaced(east * strength, north * strength)
         return at.terrain(self.source, "source")

@@ -22,12 +22,8 @@ class Jordan(Fractal):
 
     basis: SlopeBasis = parameter("gradient", "The noise that is summed.")
 
-    slope_warp: float = parameter(
-        0.4, "How far slopes draw finer octaves with them.", ge=0, le=4
-    )
-    damping: float = parameter(
-        1.0, "How much slopes are smoothed; 0 is plain noise.", ge=0, le=100
-    )
+    slope_warp: float = parameter(0.4, "How far slopes draw finer octaves with them.", ge=0, le=4)
+    damping: float = parameter(1.0, "How much slopes are smoothed; 0 is plain noise.", ge=0, le=100)
 
     presets: ClassVar = {
         "folds": {"amplitude": 1500.0, "wavelength": 8000.0, "slope_warp": 0.6},

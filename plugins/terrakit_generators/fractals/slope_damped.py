@@ -14,7 +14,8 @@ class SlopeDamped(Fractal):
 
     Analytic slopes of the noise are summed along with it::
 
-        z(x) = offset + amplitude * sum_k gain^k n_k / (1 + damping |sum_j<=k grad_j|^2) / sum gain^k
+        z(x) = offset + amplitude * sum_k g_k n_k / (1 + damping |sum_j<=k g_j grad_j|^2) / sum g_k,
+        g_k = gain^k
 
     References
     ----------
@@ -26,9 +27,7 @@ class SlopeDamped(Fractal):
 
     basis: SlopeBasis = parameter("gradient", "The noise that is summed.")
 
-    damping: float = parameter(
-        1.0, "How much slopes are smoothed; 0 is plain noise.", ge=0, le=100
-    )
+    damping: float = parameter(1.0, "How much slopes are smoothed; 0 is plain noise.", ge=0, le=100)
 
     presets: ClassVar = {
         "weathered": {"amplitude": 1200.0, "wavelength": 6000.0, "damping": 1.5},

@@ -24,9 +24,7 @@ class Swiss(Fractal):
 
     basis: SlopeBasis = parameter("gradient", "The noise that is summed.")
 
-    slope_warp: float = parameter(
-        0.15, "How far slopes draw finer octaves with them.", ge=0, le=4
-    )
+    slope_warp: float = parameter(0.15, "How far slopes draw finer octaves with them.", ge=0, le=4)
 
     presets: ClassVar = {
         "flanks": {"amplitude": 1500.0, "wavelength": 8000.0, "slope_warp": 0.2},

@@ -21,9 +21,11 @@ from terrakit_generators.landforms.round_form import RoundForm
 
 SCALES = ((1.0, 1.0), (0.47, 0.62), (0.21, 0.42))
 """Size of the cells of large, middling and small islands, and how high they reach."""
-SHELF = 0.12
+REACH = 0.62
+"""Distance in cells at which an island ends."""
+SHELF = 0.14
 """Potential at the edge of the shelf."""
-COAST = 0.24
+COAST = 0.30
 """Potential at the coast."""
 
 
@@ -31,9 +33,9 @@ class Archipelago(RoundForm):
     """Scatter islands of all sizes, with shelves that they share, over an area of the sea.
 
     Every cell of three jittered lattices (Worley 1996) holds an island whose potential falls with
-    the distance from its point; its size is a hash of the cell::
+    the distance ``F1`` from its point; how large it is, ``s``, is slow noise::
 
-        p = max_k  s_k (1 - (F1_k / 0.62)^2)^2 g(F2_k - F1_k)  +  noise
+        p = max_k  h_k s_k(x) (1 - (F1_k / 0.62)^2)^2  +  noise
 
     and the height is one profile of the potential: deep sea, slope, shelf, coast, mountains.
 
@@ -108,7 +110,7 @@ class Archipelago(RoundForm):
         )
         natural = minimum(rough, 1.0)
         land = (
-            power(up, 0.9) * (1.0 + natural * (ridges * 1.3 - 0.75)) * (1.35 * self.summit_height)
+            power(up, 0.9) * (1.0 + natural * (ridges * 1.3 - 0.75)) * (0.85 * self.summit_height)
         )
         floor = self.unevenness(place, 0.6 * spacing, 8, "floor")
         return self.ground(
@@ -122,12 +124,8 @@ class Archipelago(RoundForm):
         reach = 0.3 * cell * min(self.irregularity, 1.5)
         if reach > 0.0:
             place = self.warped(place, 0.9 * cell, reach, 5, f"islands {number}")
-        nearest, second, size = (
-            place.noise(basis, cell, words)
-            for basis in ("cellular_f1", "cellular_f2", "cellular_value")
-        )
-        gap = (second - nearest) * 0.5
-        away = (nearest + 1.0) * 0.5
-        bell = square(maximum(1.0 - square(away * (1.0 / 0.62)), 0.0))
-        large = square(clamp(size * 0.5 + 0.5, 0.0, 1.0))
-        return bell * smoothstep(0.0, 0.22, gap) * (0.1 + 0.9 * large)
+        away = (place.noise("cellular_f1", cell, words) + 1.0) * 0.5
+        bell = square(maximum(1.0 - square(away * (1.0 / REACH)), 0.0))
+        sizes = place.words(f"{self.name} sizes {number}", self.seed)
+        size = clamp(place.noise("gradient", 1.3 * cell, sizes) * 1.3 + 0.5, 0.0, 1.0)
+        return bell * (0.06 + 0.94 * square(size))

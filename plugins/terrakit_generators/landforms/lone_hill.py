@@ -39,7 +39,7 @@ class LoneHill(RoundForm):
     def height(self, place: Place) -> Formula:
         """Return the height at a place, metres."""
         top, radius = self.summit_height, self.radius
-        x, y = self.surroundings(place, 1.3 * radius, 0.2)
+        x, y = self.surroundings(place, 1.3 * radius, 0.15)
         r = hypot(x, y) * (1.0 / radius)
         bell = square(maximum(1.0 - square(minimum(r, 1.0)), 0.0))
         flank = bell * (1.0 - bell) * 4.0
@@ -50,7 +50,7 @@ class LoneHill(RoundForm):
         return self.ground(
             place,
             bell * top
-            - flank * rough * (1.0 - minimum(gullies, 1.0)) * (0.07 * top)
+            - flank * rough * (1.0 - minimum(gullies, 1.0)) * (0.05 * top)
             + (detail + rough) * (0.012 * top)
-            + detail * plain * (0.08 * top),
+            + detail * plain * (0.065 * top),
         )

@@ -10,7 +10,7 @@ from pydantic import field_validator
 
 from terrakit.errors import InputError
 from terrakit.heightfield import Grid, Heightfield
-from terrakit.parameters import parameter
+from terrakit.parameters import FilePath, parameter
 from terrakit.running import Run
 from terrakit.world import sample_axes
 from terrakit_texturing.image_mask.picture import read_picture, stretched
@@ -35,9 +35,10 @@ class ImageMask(Mask):
     fields = 12
     locality = "global"
     turning: ClassVar = None
+    trial: ClassVar = {"picture": str(Path(__file__).with_name("trial.png"))}
 
     layer: str = parameter("mask_image", "Name of the layer to write; begins with mask_.")
-    picture: str = parameter(
+    picture: FilePath = parameter(
         ..., "Picture file (PNG, JPEG, BMP, PGM or TIFF); white is selected, the top is north."
     )
     channel: Literal["luminance", "red", "green", "blue", "alpha"] = parameter(
@@ -71,7 +72,7 @@ class ImageMask(Mask):
     def select(self, surface: Heightfield, run: Run) -> Field:
         """Return the mask."""
         name = Path(self.picture).name
-        picture = read_picture(Path(self.picture), self.channel)
+        picture = read_picture(run.file(self.picture), self.channel)
         run.check()
         whole = self._whole(surface, run)
         if self.fit == "exact" and picture.shape != whole.shape:
