@@ -150,12 +150,13 @@ def kernels(
 ) -> tuple[str, Work]:
     """Return the device and the bases at work on it."""
     from terrakit.compute import Device, choose_device
-    from terrakit.noise import SOURCE
+    from terrakit.noise import BASES
+    from terrakit.noise import source as noise_source
 
     device = Device(choose_device(wish))
     names = [name for name in PLAIN if wanted(name)]
     width = 256 if device.is_cpu else 1
-    source = SOURCE.read_text("utf-8")
+    source = noise_source(BASES)
     source += "".join(KERNEL.format(name=name, width=width) for name in names)
     program = device.program_from_source("noise_speed.cl", source)
     random = np.random.default_rng(0)

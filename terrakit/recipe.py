@@ -490,8 +490,8 @@ def check_path(file: Any, where: str, trusted: bool, key: str = "file") -> None:
         raise RecipeError(f"{where}: {key} = {file!r}: is a URL; download it first")
     if Path(file).is_absolute() or ".." in parts or parts[:1] == ("~",) or ":" in parts[0]:
         raise RecipeError(
-            f"{where}: {key} = {file!r}: leaves the recipe's folder; put the file beside the recipe "
-            "or give it with --set"
+            f"{where}: {key} = {file!r}: leaves the recipe's folder; put the file beside the "
+            "recipe or give it with --set"
         )
 
 

@@ -18,7 +18,7 @@ from terrakit.compute import Device, DeviceArray
 from terrakit.formula.expression import OPERATIONS, Formula
 from terrakit.formula.lattice import Lattice
 from terrakit.formula.plan import LoopPlan, Plan
-from terrakit.noise import BASES, SOURCE
+from terrakit.noise import BASES, source
 
 WIDTH = 256
 """Samples of a row that a work-item of a processor computes."""
@@ -182,7 +182,7 @@ class _Kernel:
             "const int cols",
         ]
         return (
-            SOURCE.read_text("utf-8")
+            source(lattice.basis for lattice in self.lattices)
             + BEGINNING.format(width=WIDTH)
             + "\n__kernel void formula_compute(\n    "
             + ",\n    ".join(parameters)

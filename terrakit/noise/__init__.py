@@ -2,13 +2,13 @@
 
 A basis is evaluated at a cell ``(i, j)`` and a fraction ``(x, y)`` in it, so that it is as sharp a
 million cells from the origin as at it, and knows no tile. :data:`BASES` names them; each is a
-function of :mod:`terrakit.noise.reference` and of ``noise.cl`` (:data:`SOURCE`), which return the
-same bits. A kernel puts the text of ``noise.cl`` before its own and calls ``noise_<name>``.
+function of :mod:`terrakit.noise.reference` and of ``noise.cl`` or ``cellular.cl``, which return the
+same bits. A kernel puts the text of :func:`source` before its own and calls ``noise_<name>``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,10 +17,23 @@ from numpy.typing import ArrayLike
 from terrakit.noise import reference
 from terrakit.noise.reference import METRICS, RANGES, Evaluate, Feature, Metric, Values
 
-__all__ = ["BASES", "SOURCE", "Basis", "basis_functions"]
+__all__ = ["BASES", "Basis", "basis_functions", "source"]
 
-SOURCE = Path(__file__).with_name("noise.cl")
-"""The kernels' twin of :mod:`terrakit.noise.reference`; ``exact.cl`` goes before it."""
+
+def source(bases: Iterable[str] = ()) -> str:
+    """Return the kernels' twin of :mod:`terrakit.noise.reference`; ``exact.cl`` goes before it.
+
+    Parameters
+    ----------
+    bases
+        Names of the bases that are called. Cellular noise is long, and slow to compile, so it
+        comes only if one of them is cellular.
+    """
+    files = ["noise.cl"]
+    if any(name.startswith("cellular") for name in bases):
+        files.append("cellular.cl")
+    return "".join(Path(__file__).with_name(file).read_text("utf-8") for file in files)
+
 
 EvaluateSlope = Callable[
     [ArrayLike, ArrayLike, ArrayLike, ArrayLike, int, int], tuple[Values, Values, Values]

@@ -153,6 +153,17 @@ class Follow(Filter):
         return Heightfield.on_grid(like.grid, np.full(like.shape, mean, dtype=np.float32))
 
 
+class Span(Filter):
+    """Raise the ground by the width of the world."""
+
+    name = "span"
+
+    def apply(self, surface: Heightfield, run: Run) -> Heightfield:
+        """Return raised ground."""
+        assert run.world is not None
+        return surface.with_layers(elevation=surface.elevation + np.float32(run.world.size[0]))
+
+
 class Sized(Exporter):
     """Write how many samples there are."""
 
@@ -186,7 +197,7 @@ class Net(Importer):
         return Heightfield(np.zeros((5, 5)), 100.0).to_mesh()
 
 
-OPERATORS: list[type[Any]] = [Bowl, Bend, Mix, Halve, Follow, Sized, Net]
+OPERATORS: list[type[Any]] = [Bowl, Bend, Mix, Halve, Follow, Span, Sized, Net]
 GRID = Grid((33, 33), 100.0)
 HEADER: dict[str, Any] = {"size": 3200.0, "samples": 33, "seed": 5}
 DEVICES = ["numpy", None]
@@ -647,6 +658,25 @@ def test_the_cache_follows_the_branches(made: Any, tmp_path: Path) -> None:
     assert computed(*steps(), seed=6) == ["a", "b", "c", "d"]
     assert computed(*steps(), origin=[5.0, 0.0]) == ["a", "b", "c", "d"]
     assert computed(a, b, c, {**d, "input": "b"}, {"use": "mix", "other": "c"}) == ["d", "mix"]
+
+
+def test_the_world_is_the_header_or_else_the_first_terrain(made: Any, tmp_path: Path) -> None:
+    """And a result for one world is not taken for that of another."""
+    flat = Heightfield(np.zeros((5, 5)), 10.0)
+    terrakit.export(flat, tmp_path / "flat.npz")
+    read = {"use": "numpy", "file": str(tmp_path / "flat.npz")}
+    cache = ResultCache(tmp_path / "cache")
+    for header, width in (
+        ({"size": 3200.0}, 3200.0),
+        ({"size": 1600.0}, 1600.0),
+        ({"size": None, "samples": None}, 40.0),
+    ):
+        for _ in range(2):
+            assert (
+                made(read, {"use": "span"}, cache=cache, **header).surface.elevation.max() == width
+            )
+    finer = [{"use": "halve"}, {"use": "span"}]
+    assert made(read, *finer, size=None, samples=None).surface.elevation.max() == 40.0
 
 
 # --- grids ------------------------------------------------------------------------------------

@@ -273,7 +273,9 @@ def test_hill_and_cone_rise_to_their_tops_and_end_at_their_feet() -> None:
 
 def test_range_follows_its_axis_and_ends() -> None:
     for direction in (0.0, 62.0, 135.0):
-        operator = MountainRange(direction=direction, winding=0.0, length=40000.0, width=14000.0)
+        operator = MountainRange(
+            direction=direction, winding=0.0, length=40000.0, range_width=14000.0
+        )
         height = made(operator, 70000.0, 141)
         assert axis_of(height) == pytest.approx(direction, abs=6.0)
         assert 0.7 * 2600.0 < height.max() < 1.6 * 2600.0

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from terrakit.compute import Device, choose_device
-from terrakit.noise import BASES, SOURCE, basis_functions, reference
+from terrakit.noise import BASES, basis_functions, reference, source
 from terrakit.noise.classic import classic_perlin, corner_direction
 from terrakit.noise.reference import FEATURES, METRICS, RANGES, Feature, Metric
 
@@ -99,9 +99,9 @@ def test_kernels_return_the_bits_of_the_reference(group: str) -> None:
                 call = f"{basis.opencl}_slope(i[c], j[c], x[c], y[c], low, high, &dx, &dy)"
                 calls.append(f"({call}, {part})")
                 expected.append(values)
-    source = SOURCE.read_text("utf-8") + kernel(f"noise_{group}", calls, 16)
+    text = source(BASES) + kernel(f"noise_{group}", calls, 16)
     out = device.empty((len(calls), count))
-    device.program_from_source("noise.cl", source).launch(
+    device.program_from_source("noise.cl", text).launch(
         f"noise_{group}",
         (-(-count // 64),),
         *(device.upload(values) for values in (i, j, x, y)),
@@ -115,7 +115,7 @@ def test_kernels_return_the_bits_of_the_reference(group: str) -> None:
 
 
 def test_kernels_know_the_ranges_and_searches_of_the_reference() -> None:
-    text = SOURCE.read_text("utf-8")
+    text = source(BASES)
     said = dict(re.findall(r"#define NOISE_SPREAD_(\w+) ([\d.]+)f", text))
     searches = re.findall(r"^NOISE_CELLULAR\((\w*), (\w+), (\d), (\d)\)", text, re.MULTILINE)
     assert [metric for _, metric, _, _ in searches] == list(METRICS)
@@ -140,7 +140,7 @@ def test_cells_wrap_and_any_integers_will_do() -> None:
 
 
 def test_every_basis_is_named_once_and_has_its_functions() -> None:
-    text = SOURCE.read_text("utf-8")
+    text = source(BASES)
     assert list(basis_functions()) == [basis.name for basis in BASES.values()]
     assert len(BASES) == 4 + len(METRICS) * len(FEATURES)
     for name in ("white", *SMOOTH):

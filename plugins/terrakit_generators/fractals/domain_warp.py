@@ -18,8 +18,8 @@ class DomainWarp(FormulaGenerator):
 
         p_(k+1) = p_0 + strength (a_k(p_k), b_k(p_k)),  z(p_0) = source(p_nesting)
 
-    What is there as samples (an earlier step) is interpolated by Catmull-Rom splines and ends at its
-    border, whose heights are repeated beyond.
+    What is there as samples (an earlier step) is interpolated by Catmull-Rom splines; beyond its
+    border, the heights there are repeated.
 
     References
     ----------

@@ -49,7 +49,7 @@ class Fjord(Landform):
     portrait: ClassVar[float] = 30000.0
 
     length: float = parameter(22000.0, "Length from end to end.", unit="m", gt=0, le=1e7)
-    width: float = parameter(1900.0, "Width of the water.", unit="m", gt=0, le=1e6)
+    fjord_width: float = parameter(1900.0, "Width of the water.", unit="m", gt=0, le=1e6)
     depth: float = parameter(480.0, "Depth of the deepest water.", unit="m", ge=0, le=12000)
     sill_depth: float = parameter(
         70.0, "Depth of the water over the sill at the mouth.", unit="m", ge=0, le=5000
@@ -65,15 +65,15 @@ class Fjord(Landform):
 
     presets: ClassVar = {
         "norway": {"length": 26000.0, "depth": 700.0, "plateau_height": 1400.0, "branches": 4},
-        "sound": {"width": 3500.0, "depth": 250.0, "plateau_height": 500.0, "branches": 5},
-        "milford": {"length": 14000.0, "width": 1600.0, "depth": 290.0, "branches": 1},
+        "sound": {"fjord_width": 3500.0, "depth": 250.0, "plateau_height": 500.0, "branches": 5},
+        "milford": {"length": 14000.0, "fjord_width": 1600.0, "depth": 290.0, "branches": 1},
     }
 
     def height(self, place: Place) -> Formula:
         """Return the height at a place, metres."""
         rough = place.value(self, "roughness")
         natural = minimum(rough, 1.0)
-        bent = self.warped(place, 2.5 * self.width, natural * (0.16 * self.width), 6)
+        bent = self.warped(place, 2.5 * self.fjord_width, natural * (0.16 * self.fjord_width), 6)
         right, ahead = self.course(
             bent, self.direction, 0.9 * self.length, 0.10 * self.length * self.winding
         )
@@ -94,7 +94,7 @@ class Fjord(Landform):
         for number in range(self.branches):
             side = self._branch(place, plateau, right, ahead, number)
             z = smooth_minimum(z, side, natural * (0.05 * self.plateau_height))
-        detail = self.unevenness(place, 0.8 * self.width)
+        detail = self.unevenness(place, 0.8 * self.fjord_width)
         dry = smoothstep(-0.2 * self.depth - 1.0, 0.2 * self.plateau_height, z)
         return self.ground(
             place, z + detail * (dry * (0.07 * self.plateau_height) + 0.02 * self.depth)
@@ -102,7 +102,7 @@ class Fjord(Landform):
 
     def _plateau(self, place: Place, ahead: Formula) -> Formula:
         """Return the land before there was ice: a plateau that falls to a coast with skerries."""
-        top, width = self.plateau_height, self.width
+        top, width = self.plateau_height, self.fjord_width
         hills = self.unevenness(place, 3.2 * width, 10, "plateau", 0.75)
         coast = self.unevenness(place, 2.6 * width, 8, "shore", 0.6)
         beyond = (ahead - 0.5 * self.length) * (1.0 / width) - coast * 2.4
@@ -124,7 +124,7 @@ class Fjord(Landform):
         """Return the land with a trough cut into it."""
         share = max(self.depth, 0.05 * self.plateau_height)
         share = share / (share + self.plateau_height)
-        reach = 0.5 * self.width * size / (share / (1.0 - share)) ** (1.0 / STEEPNESS)
+        reach = 0.5 * self.fjord_width * size / (share / (1.0 - share)) ** (1.0 / STEEPNESS)
         t = away / (narrow * reach)
         t = minimum(t, 40.0)
         wall = t * t * t * t

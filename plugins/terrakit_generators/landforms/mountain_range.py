@@ -39,7 +39,7 @@ class MountainRange(Landform):
     portrait: ClassVar[float] = 46000.0
 
     length: float = parameter(42000.0, "Length from end to end.", unit="m", gt=0, le=1e7)
-    width: float = parameter(16000.0, "Width from foot to foot.", unit="m", gt=0, le=1e6)
+    range_width: float = parameter(16000.0, "Width from foot to foot.", unit="m", gt=0, le=1e6)
     summit_height: float = parameter(
         2600.0, "Height of the top above the land around.", unit="m", ge=0, le=20000
     )
@@ -52,19 +52,29 @@ class MountainRange(Landform):
     )
 
     presets: ClassVar = {
-        "alps": {"length": 60000.0, "width": 26000.0, "summit_height": 3200.0, "winding": 1.4},
-        "sierra": {"length": 50000.0, "width": 9000.0, "summit_height": 2400.0, "winding": 0.6},
-        "old": {"summit_height": 900.0, "width": 20000.0, "roughness": 0.6, "foothills": 0.3},
+        "alps": {
+            "length": 60000.0,
+            "range_width": 26000.0,
+            "summit_height": 3200.0,
+            "winding": 1.4,
+        },
+        "sierra": {
+            "length": 50000.0,
+            "range_width": 9000.0,
+            "summit_height": 2400.0,
+            "winding": 0.6,
+        },
+        "old": {"summit_height": 900.0, "range_width": 20000.0, "roughness": 0.6, "foothills": 0.3},
     }
 
     def height(self, place: Place) -> Formula:
         """Return the height at a place, metres."""
-        top, half, length = self.summit_height, 0.5 * self.width, 0.5 * self.length
+        top, half, length = self.summit_height, 0.5 * self.range_width, 0.5 * self.length
         rough = place.value(self, "roughness")
         natural = minimum(rough, 1.0)
-        bent = self.warped(place, 0.8 * self.width, natural * (0.07 * self.width), 6)
+        bent = self.warped(place, 0.8 * self.range_width, natural * (0.07 * self.range_width), 6)
         right, ahead = self.course(
-            bent, self.direction, 1.3 * self.length, 0.24 * self.width * self.winding
+            bent, self.direction, 1.3 * self.length, 0.24 * self.range_width * self.winding
         )
         across = absolute(right) * (1.0 / half)
         along = absolute(ahead) * (1.0 / length)
@@ -76,7 +86,7 @@ class MountainRange(Landform):
         ridges = ridged_multifractal(
             bent.octaves(
                 "gradient",
-                0.27 * self.width,
+                0.27 * self.range_width,
                 10,
                 place.words(f"{self.name} ridges", self.seed),
                 gain=0.47,
@@ -86,7 +96,7 @@ class MountainRange(Landform):
         )
         body = 1.0 + natural * (0.40 * crest + 0.45 * spurs + 0.38 * ridges - 0.78)
         foot = smoothstep(0.01, 0.12, mass) * smoothstep(0.5, 0.12, mass)
-        detail = self.unevenness(place, 0.2 * self.width)
+        detail = self.unevenness(place, 0.2 * self.range_width)
         return self.ground(
             place,
             mass * maximum(body, 0.08) * top
@@ -99,7 +109,7 @@ class MountainRange(Landform):
         """Return 1 on the spurs that run down from the axis, 0 between them."""
         total, weight = right * 0.0, 0.0
         for number, (size, share) in enumerate(((0.30, 1.0), (0.17, 0.6), (0.09, 0.3))):
-            cell = size * self.width
+            cell = size * self.range_width
             words = place.words(f"{self.name} spurs {number}", self.seed)
             noise = place.noise_at(
                 "gradient", ahead * (1.0 / cell), right * (1.0 / (3.2 * cell)), words

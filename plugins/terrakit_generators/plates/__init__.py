@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from terrakit.compute import Device, exact
 from terrakit.errors import ParameterError
 from terrakit.heightfield import Grid, Heightfield
-from terrakit.noise import SOURCE as NOISE
+from terrakit.noise import source as noise_source
 from terrakit.operators import Generator
 from terrakit.parameters import Seed, parameter
 from terrakit.running import Run, seed_words
@@ -314,13 +314,8 @@ def _on_device(
     """Return every layer, made by ``plates.cl``."""
     rows, cols = grid.shape
     made = device.empty((len(LAYERS), rows, cols))
-    source = "\n".join(
-        path.read_text("utf-8")
-        for path in (
-            NOISE,
-            Path(__file__).with_name("plates.cl"),
-        )
-    )
+    own = Path(__file__).with_name("plates.cl").read_text("utf-8")
+    source = noise_source() + "\n" + own
     device.program_from_source("plates.cl", source).launch(
         "plates_make",
         (rows,) if device.is_cpu else grid.shape,
