@@ -17,10 +17,28 @@ from terrakit import Grid, Heightfield, Run
 from terrakit.compute import DeviceArray
 from terrakit.compute import device as compute_device
 from terrakit.execute import execute
+from terrakit.operators import Filter, Generator
 from terrakit.routing import accumulate, filled, flow_length, outlets, route
 from terrakit_erosion.stream_power import StreamPower
 from terrakit_erosion.thermal import Thermal
+from terrakit_filters.amplify import Amplify
+from terrakit_filters.brush import Brush
+from terrakit_filters.dequantise import Dequantise
+from terrakit_filters.join import Join
+from terrakit_filters.subdivide import Subdivide
+from terrakit_filters.terrace import Terrace
+from terrakit_generators.diamond_square import DiamondSquare
+from terrakit_generators.fractals.domain_warp import DomainWarp
 from terrakit_generators.fractals.fbm import Fbm
+from terrakit_generators.fractals.noise import Noise
+from terrakit_generators.fractals.swiss import Swiss
+from terrakit_generators.landforms.atoll import Atoll
+from terrakit_generators.landforms.canyon import Canyon
+from terrakit_generators.landforms.meander import Meander
+from terrakit_generators.midpoint_displacement import MidpointDisplacement
+from terrakit_generators.plates import Plates
+from terrakit_generators.spectral import Spectral
+from terrakit_generators.square_square import SquareSquare
 
 SHAPES = ((3, 3), (16, 16), (17, 5))
 
@@ -56,13 +74,55 @@ def main(listing: Path) -> None:
     for shape in SHAPES:
         grid = Grid(shape, 20.0)
         terrain = both(Fbm(amplitude=600.0, wavelength=200.0, octaves=3), grid)
+        for generator in generators():
+            both(generator, grid)
         hardness = np.linspace(0, 1, terrain.elevation.size).reshape(shape)
         terrain = terrain.with_layers(hardness=hardness)
-        for operator in operators():
+        for operator in (*operators(), *filters(min(shape))):
             both(operator, terrain)
         both(Thermal(iterations=2), terrain.to_mesh())
+        both(Subdivide(amplitude=20.0, smoothing="butterfly"), terrain.to_mesh())
         routed(terrain)
     listing.write_text("\n".join(sorted(launched)))
+
+
+def generators() -> list[Generator]:
+    """Return generators whose settings reach every branch of the kernels, and wide formulas."""
+    return [
+        *(kind(wavelength=160.0) for kind in (DiamondSquare, MidpointDisplacement, SquareSquare)),
+        DiamondSquare(wavelength=150.0, additions=True, noise="uniform"),
+        MidpointDisplacement(wavelength=150.0, additions=True),
+        Plates(**Plates.trial),
+        Spectral(period=300.0, shortest_wavelength=20.0),
+        Swiss(wavelength=200.0, octaves=3),
+        DomainWarp(wavelength=200.0, octaves=2, source=Noise(basis="cellular_f2", wavelength=50.0)),
+        Meander(),
+        Atoll(),
+        Canyon(),
+    ]
+
+
+def filters(side: int) -> list[Filter]:
+    """Return filters whose settings reach every branch of the kernels."""
+    line = [[5.0, 5.0], [100.0, 60.0], [20.0, 200.0]]
+    tools = (
+        ("raise", 45.0, 9.0),
+        ("lower", 30.0, 3.0),
+        ("smooth", 60.0, 0.6),
+        ("flatten", 9.0, 0.8),
+    )
+    strokes = [
+        {"tool": tool, "points": line, "radius": radius, "strength": strength}
+        for tool, radius, strength in tools
+    ]
+    refined = [Amplify(factor=4), Amplify(factor=2, stencil="mean")] if side >= 9 else []
+    return [
+        *refined,
+        Brush(strokes=strokes),
+        Dequantise(step=5.0, terrace_width=200.0),
+        Join(other=50.0, line=line, transition=40.0, wander=20.0, wavelength=100.0),
+        Terrace(bench_height=20.0, wavelength=200.0),
+    ]
 
 
 def operators() -> list[Thermal | StreamPower]:

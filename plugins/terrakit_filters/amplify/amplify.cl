@@ -24,7 +24,7 @@ __attribute__((always_inline)) inline float amplify_guess(
 
 // Share of the measured deviation at a point half a step between points, by the terrain's samples.
 __attribute__((always_inline)) inline float amplify_strength(
-    __global const float *restrict strength, int row, int col, int level, int stride)
+    __global const float *strength, int row, int col, int level, int stride)
 {
     const int finer = level + 1;
     const int mask = (1 << finer) - 1;
@@ -40,7 +40,7 @@ __attribute__((always_inline)) inline float amplify_strength(
 
 // Whether the cell of the terrain in which a cell of this level lies stays as it is.
 __attribute__((always_inline)) inline int amplify_still(
-    __global const uchar *restrict still, int row, int col, int level, int stride)
+    __global const uchar *still, int row, int col, int level, int stride)
 {
     return still[((row >> level) + AMPLIFY_MARGIN) * stride + (col >> level) + AMPLIFY_MARGIN];
 }
@@ -52,8 +52,8 @@ __attribute__((always_inline)) inline float amplify_innovation(
 }
 
 __attribute__((always_inline)) inline void amplify_one_centre(
-    __global float *restrict centre, __global const float *restrict height,
-    __global const float *restrict strength, __global const uchar *restrict still,
+    __global float *centre, __global const float *height,
+    __global const float *strength, __global const uchar *still,
     uint low, uint high, float deviation, int first_row, int first_col, int level,
     int r, int c, int cols, int width, int stride)
 {
@@ -84,8 +84,8 @@ __attribute__((always_inline)) inline void amplify_one_centre(
 // Centres of the cells from 1, 1 on. first_row, first_col: world index, in the finer samples, of the
 // terrain's first one. cols: of the centres; width: of height; stride: of strength and still.
 __kernel void amplify_centre(
-    __global float *restrict centre, __global const float *restrict height,
-    __global const float *restrict strength, __global const uchar *restrict still,
+    __global float *centre, __global const float *height,
+    __global const float *strength, __global const uchar *still,
     const uint low, const uint high, const float deviation,
     const int first_row, const int first_col, const int level,
     const int rows, const int cols, const int width, const int stride)
@@ -110,7 +110,7 @@ __kernel void amplify_centre(
 // Middle of the edge between two points: along is the step from one to the other, aside the step
 // across it; before, after: the centres on both sides and the steps between centres.
 __attribute__((always_inline)) inline float amplify_edge(
-    __global const float *restrict height, __global const float *restrict centre,
+    __global const float *height, __global const float *centre,
     int i, int along, int aside, int k, int centre_along, int centre_aside,
     float innovation, int stays)
 {
@@ -130,9 +130,9 @@ __attribute__((always_inline)) inline float amplify_edge(
 }
 
 __attribute__((always_inline)) inline void amplify_one_square(
-    __global float *restrict fine, __global const float *restrict height,
-    __global const float *restrict centre,
-    __global const float *restrict strength, __global const uchar *restrict still,
+    __global float *fine, __global const float *height,
+    __global const float *centre,
+    __global const float *strength, __global const uchar *still,
     uint low, uint high, float deviation, int first_row, int first_col, int level,
     int r, int c, int cols, int width, int stride)
 {
@@ -161,9 +161,9 @@ __attribute__((always_inline)) inline void amplify_one_square(
 
 // The finer samples of the points from 3, 3 on: rows by cols of them get four each.
 __kernel void amplify_square(
-    __global float *restrict fine, __global const float *restrict height,
-    __global const float *restrict centre,
-    __global const float *restrict strength, __global const uchar *restrict still,
+    __global float *fine, __global const float *height,
+    __global const float *centre,
+    __global const float *strength, __global const uchar *still,
     const uint low, const uint high, const float deviation,
     const int first_row, const int first_col, const int level,
     const int rows, const int cols, const int width, const int stride)
@@ -187,7 +187,7 @@ __kernel void amplify_square(
 
 // Cut the margin away.
 __kernel void amplify_cut(
-    __global float *restrict elevation, __global const float *restrict height,
+    __global float *elevation, __global const float *height,
     const int rows, const int cols, const int width)
 {
     const int c = (int)get_global_id(0);

@@ -5,7 +5,7 @@
 
 // Mean height of the eight neighbours, stride samples away, above the point itself.
 __attribute__((always_inline)) inline float dequantise_above(
-    __global const float *restrict values, int row, int col, int rows, int cols, int stride)
+    __global const float *values, int row, int col, int rows, int cols, int stride)
 {
     const int i = row * cols + col;
     const int dy = row >= stride && row < rows - stride ? stride * cols : 0;
@@ -28,7 +28,7 @@ __attribute__((always_inline)) inline int dequantise_is_near(float a, float b, f
 
 // Whether the terrace, or the one beside it, reaches stride samples to every side.
 __attribute__((always_inline)) inline int dequantise_is_wide(
-    __global const float *restrict start, int row, int col, int rows, int cols, int stride,
+    __global const float *start, int row, int col, int rows, int cols, int stride,
     float limit)
 {
     const int i = row * cols + col;
@@ -40,8 +40,8 @@ __attribute__((always_inline)) inline int dequantise_is_wide(
 }
 
 __attribute__((always_inline)) inline float dequantise_relaxed(
-    __global const float *restrict height, __global const float *restrict bend,
-    __global const float *restrict start, int row, int col, int rows, int cols, int stride,
+    __global const float *height, __global const float *bend,
+    __global const float *start, int row, int col, int rows, int cols, int stride,
     float limit, float half_step)
 {
     const int i = row * cols + col;
@@ -55,7 +55,7 @@ __attribute__((always_inline)) inline float dequantise_relaxed(
 
 // How far the ground bends at every sample.
 __kernel void dequantise_bend(
-    __global float *restrict bend, __global const float *restrict height,
+    __global float *bend, __global const float *height,
     const int stride, const int rows, const int cols)
 {
 #ifdef TERRAKIT_CPU
@@ -75,8 +75,8 @@ __kernel void dequantise_bend(
 
 // Let a thin plate straighten itself a little, no further than half a step from the data.
 __kernel void dequantise_relax(
-    __global float *restrict result, __global const float *restrict height,
-    __global const float *restrict bend, __global const float *restrict start,
+    __global float *result, __global const float *height,
+    __global const float *bend, __global const float *start,
     const float limit, const float half_step, const int stride, const int rows, const int cols)
 {
 #ifdef TERRAKIT_CPU

@@ -41,7 +41,7 @@ __attribute__((always_inline)) inline float lattice_subdivision_second(
 
 // Height of a centre after the first half-step; i is its north-west corner, col and row are odd.
 __attribute__((always_inline)) inline float lattice_subdivision_centre(
-    __global const float *restrict coarse, int i, int width,
+    __global const float *coarse, int i, int width,
     const lattice_subdivision_noise n, int col, int row)
 {
     const float sum = (coarse[i] + coarse[i + width + 1]) + (coarse[i + 1] + coarse[i + width]);
@@ -50,7 +50,7 @@ __attribute__((always_inline)) inline float lattice_subdivision_centre(
 
 // Height of an old point after the first half-step.
 __attribute__((always_inline)) inline float lattice_subdivision_corner(
-    __global const float *restrict coarse, int i, const lattice_subdivision_noise n,
+    __global const float *coarse, int i, const lattice_subdivision_noise n,
     int col, int row)
 {
 #ifdef LATTICE_ADDITIONS
@@ -62,7 +62,7 @@ __attribute__((always_inline)) inline float lattice_subdivision_corner(
 
 // Diamond, then square: an edge's middle is the mean of its two ends and the two centres beside it.
 __attribute__((always_inline)) inline void lattice_subdivision_diamond_square_cell(
-    __global float *restrict fine, __global const float *restrict coarse,
+    __global float *fine, __global const float *coarse,
     int i, int k, int width, int fine_width, const lattice_subdivision_noise n, int col, int row)
 {
     const float corner = lattice_subdivision_corner(coarse, i, n, col, row);
@@ -86,7 +86,7 @@ __attribute__((always_inline)) inline void lattice_subdivision_diamond_square_ce
 
 // Edges from their two ends, centres from their four corners.
 __attribute__((always_inline)) inline void lattice_subdivision_midpoint_cell(
-    __global float *restrict fine, __global const float *restrict coarse,
+    __global float *fine, __global const float *coarse,
     int i, int k, int width, int fine_width, const lattice_subdivision_noise n, int col, int row)
 {
     const float corner = coarse[i];
@@ -110,7 +110,7 @@ __attribute__((always_inline)) inline float lattice_subdivision_quarter(
 }
 
 __attribute__((always_inline)) inline void lattice_subdivision_square_square_cell(
-    __global float *restrict fine, __global const float *restrict coarse,
+    __global float *fine, __global const float *coarse,
     int i, int k, int width, int fine_width, const lattice_subdivision_noise n, int col, int row)
 {
     const float a = coarse[i];
@@ -131,7 +131,7 @@ __attribute__((always_inline)) inline void lattice_subdivision_square_square_cel
 #ifdef TERRAKIT_CPU
 #define LATTICE_SUBDIVISION_REFINE(name, cell) \
 __kernel void name( \
-    __global float *restrict fine, __global const float *restrict coarse, \
+    __global float *fine, __global const float *coarse, \
     const uint low, const uint high, const uint low2, const uint high2, \
     const float first, const float second, \
     const int first_row, const int first_col, const int north, const int west, \
@@ -149,7 +149,7 @@ __kernel void name( \
 #else
 #define LATTICE_SUBDIVISION_REFINE(name, cell) \
 __kernel void name( \
-    __global float *restrict fine, __global const float *restrict coarse, \
+    __global float *fine, __global const float *coarse, \
     const uint low, const uint high, const uint low2, const uint high2, \
     const float first, const float second, \
     const int first_row, const int first_col, const int north, const int west, \
@@ -184,15 +184,15 @@ __kernel void lattice_subdivision_scatter(
 
 // Heights at the samples: four by four points of the finest lattice, by the weights of each axis.
 __attribute__((always_inline)) inline float lattice_subdivision_between(
-    __global const float *restrict lattice, int i,
+    __global const float *lattice, int i,
     float w0, float w1, float w2, float w3)
 {
     return (w0 * lattice[i] + w1 * lattice[i + 1]) + (w2 * lattice[i + 2] + w3 * lattice[i + 3]);
 }
 
 __attribute__((always_inline)) inline float lattice_subdivision_sampled(
-    __global const float *restrict lattice, int i, int width,
-    __global const float *restrict across, int c, int cols,
+    __global const float *lattice, int i, int width,
+    __global const float *across, int c, int cols,
     float v0, float v1, float v2, float v3)
 {
     const float w0 = across[c];
@@ -209,15 +209,15 @@ __attribute__((always_inline)) inline float lattice_subdivision_sampled(
 // col_at, row_at: first of the four points; across, down: the four weights, one row of each.
 // first: row of the map at which this band begins.
 __kernel void lattice_subdivision_sample(
-    __global float *elevation, __global const float *restrict lattice,
-    __global const int *restrict col_at, __global const float *restrict across,
-    __global const int *restrict row_at, __global const float *restrict down,
+    __global float *elevation, __global const float *lattice,
+    __global const int *col_at, __global const float *across,
+    __global const int *row_at, __global const float *down,
     const float offset, const int first, const int rows, const int cols, const int width)
 {
 #ifdef TERRAKIT_CPU
     const int r = (int)get_global_id(0);
     if (r >= rows) return;
-    __global float *restrict line = elevation + (size_t)(first + r) * cols;
+    __global float *line = elevation + (size_t)(first + r) * cols;
     const int start = row_at[r] * width;
     const float v0 = down[r];
     const float v1 = down[rows + r];

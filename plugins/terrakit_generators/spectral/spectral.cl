@@ -16,15 +16,15 @@ __kernel void spectral_along(
 #ifdef TERRAKIT_CPU
     const int ky = (int)get_global_id(0);
     if (ky > most) return;
-    __global float *restrict real = sums + (size_t)ky * cols;
-    __global float *restrict imaginary = sums + plane + (size_t)ky * cols;
+    __global float *real = sums + (size_t)ky * cols;
+    __global float *imaginary = sums + plane + (size_t)ky * cols;
     for (int col = 0; col < cols; ++col) real[col] = 0.0f;
     for (int col = 0; col < cols; ++col) imaginary[col] = 0.0f;
     for (int kx = 0; kx <= most; ++kx) {
         const float2 plus = spectrum[(size_t)ky * (2 * most + 1) + most + kx];
         const float2 minus = spectrum[(size_t)ky * (2 * most + 1) + most - kx];
-        __global const float *restrict cosine = turn_x + (size_t)kx * cols;
-        __global const float *restrict sine = turn_x + plane + (size_t)kx * cols;
+        __global const float *cosine = turn_x + (size_t)kx * cols;
+        __global const float *sine = turn_x + plane + (size_t)kx * cols;
         const float a = plus.x + minus.x;
         const float b = plus.y - minus.y;
         const float c = plus.y + minus.y;
@@ -69,13 +69,13 @@ __kernel void spectral_across(
 #ifdef TERRAKIT_CPU
     const int row = (int)get_global_id(0);
     if (row >= rows) return;
-    __global float *restrict line = elevation + (size_t)row * cols;
+    __global float *line = elevation + (size_t)row * cols;
     for (int col = 0; col < cols; ++col) line[col] = 0.0f;
     for (int ky = 0; ky <= most; ++ky) {
         const float cosine = turn_y[(size_t)ky * rows + row];
         const float sine = turn_y[turns + (size_t)ky * rows + row];
-        __global const float *restrict real = sums + (size_t)ky * cols;
-        __global const float *restrict imaginary = sums + plane + (size_t)ky * cols;
+        __global const float *real = sums + (size_t)ky * cols;
+        __global const float *imaginary = sums + plane + (size_t)ky * cols;
         _Pragma("clang loop vectorize(assume_safety)")
         for (int col = 0; col < cols; ++col) {
             line[col] = line[col] + (cosine * real[col] - sine * imaginary[col]);
