@@ -68,7 +68,7 @@ def snippet(kind: type[Operator]) -> list[str]:
 def _needed(kind: type[Operator]) -> dict[str, Any]:
     """Return examples of what an operator cannot do without."""
     from terrakit.errors import ParameterError
-    from terrakit.parameters import is_step_name, members_of
+    from terrakit.parameters import is_file_path, is_step_name, members_of
     from terrakit.sources import Chain
 
     try:
@@ -82,6 +82,8 @@ def _needed(kind: type[Operator]) -> dict[str, Any]:
             needed[name] = {"use": "fbm"}
         elif field.is_required() and is_step_name(field):
             needed[name] = "fbm"
+        elif field.is_required() and is_file_path(field):
+            needed[name] = f"{name}.png"
     return needed
 
 

@@ -132,7 +132,7 @@ def _bandwidth(chosen: DeviceInfo) -> float | None:
 def _checks(chosen: DeviceInfo, everything: bool) -> list[dict[str, str]]:
     """Run operators on the reference and on the device, and compare their bytes."""
     from terrakit.formula import FormulaFilter, FormulaGenerator
-    from terrakit.heightfield import Grid
+    from terrakit.heightfield import Grid, Heightfield
     from terrakit.mesh import TriMesh
     from terrakit.registry import default_registry
 
@@ -145,7 +145,7 @@ def _checks(chosen: DeviceInfo, everything: bool) -> list[dict[str, str]]:
             subjects: dict[str, Any] = {"grid": Grid(CHECK_SHAPE, CHECK_SPACING)}
         elif operator.kind in ("filter", "erosion", "texture"):
             terrain = _terrain([*operator.reads, *operator.uses])
-            subjects = {"heightfield": terrain}
+            subjects = {"heightfield": terrain} if Heightfield in operator.surfaces else {}
             if TriMesh in operator.surfaces:
                 subjects["mesh"] = terrain.to_mesh()
         else:
@@ -181,7 +181,9 @@ def _compare(operator: Any, subject: Any, chosen: DeviceInfo) -> tuple[str, str]
         except ParameterError as error:
             return "not checked", str(error)
     try:
-        expected, actual = (execute(made, subject, Run(1, d)) for d in ("numpy", chosen))
+        expected, actual = (
+            execute(made, subject, Run(1, d, sea_level=0.0)) for d in ("numpy", chosen)
+        )
     except Cancelled:
         raise
     except TerrakitError as error:

@@ -22,8 +22,13 @@ ONE = 2**32
 """One lattice cell in the fixed point of lattice positions."""
 SKEW = (math.sqrt(3.0) - 1.0) / 2.0
 """How simplex noise stretches its square lattice along the diagonal into triangles."""
-TURNS = ((1.0, 0.0), (0.8, 0.6), (5 / 13, 12 / 13), (-8 / 17, 15 / 17), (21 / 29, -20 / 29))
-"""Cosine and sine of each octave's turn: rational, so that no library decides their bits."""
+TURNS = ((0.8, 0.6), (5 / 13, 12 / 13), (-8 / 17, 15 / 17), (21 / 29, -20 / 29), (1.0, 0.0))
+"""Cosine and sine of each octave's turn: rational, so that no library decides their bits.
+
+The first is turned too, or the largest hills would lie along the rows and columns of the grid.
+"""
+
+STRAIGHT = (1.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +100,7 @@ def world_lattice(
                 f"octaves = {len(wavelengths)}: octave {octave + 1} has a wavelength of "
                 f"{wavelength:g} m, far below the spacing of {grid.spacing:g} m; use fewer"
             )
-        cosine, sine = TURNS[octave % len(TURNS)] if turned else TURNS[0]
+        cosine, sine = TURNS[octave % len(TURNS)] if turned else STRAIGHT
         matrix = _skewed(cosine, sine) if skewed else (cosine, -sine, sine, cosine)
         shift = seed_words(*words, "shift", octave)
         row = []
@@ -124,7 +129,7 @@ def free_lattice(basis: str, skewed: bool, words: tuple[int, int]) -> Lattice:
         basis,
         np.array([[shift[0] << 16, 0, 0, shift[1] << 16, 0, 0]], dtype=np.int64),
         np.array([matrix], dtype=np.float32),
-        np.array([TURNS[0]], dtype=np.float32),
+        np.array([STRAIGHT], dtype=np.float32),
         np.array([seed_words(*words, 0)], dtype=np.uint32),
     )
 

@@ -198,7 +198,7 @@ def test_ocean_floor_sinks_with_the_root_of_its_age() -> None:
 
 def test_ground_has_no_jumps() -> None:
     # With few octaves the ground is smooth: samples four times as dense differ a fourth as much
-    settings = {"octaves": 2, "run_seed": 1, "origin": (0.0, 0.0)}
+    settings = {"octaves": 2, "run_seed": 3, "origin": (0.0, 0.0)}
     steps = []
     for factor in (1, 4):
         terrain = made((96 * factor, 96 * factor), 6e4 / factor / 8, **settings)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from terrakit.formula import Formula, FormulaGenerator, Octaves, Place
 from terrakit.parameters import Maskable, Seed, parameter
@@ -30,6 +30,7 @@ class Fractal(FormulaGenerator):
 
     fields: ClassVar[int] = 3
     portrait: ClassVar[float] = 12000.0
+    trial: ClassVar[dict[str, Any]] = {"wavelength": 200.0, "octaves": 4}
 
     amplitude: Maskable = parameter(
         1000.0, "Highest possible rise above and fall below the offset.", unit="m", ge=0, le=1e6
