@@ -119,7 +119,7 @@ def _try(block: Block, names: dict[str, Any], folder: Path) -> None:
     if block.file is not None:
         (folder / block.file).write_text(block.text, encoding="utf-8")
     if block.language == "python":
-        compiled = compile("\n" * block.line + block.text, block.place, "exec")
+        compiled = compile("\n" * block.line + block.text, block.place, "exec", dont_inherit=True)
         if "no-run" in block.marks or block.file is not None:
             return
         try:

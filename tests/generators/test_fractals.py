@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from terrakit import Grid, ParameterError, Run, generate
+from terrakit.analysis.scaling import spectral_slope
 from terrakit.execute import execute
 from terrakit.noise import BASES
 from terrakit.registry import default_registry
@@ -44,6 +45,13 @@ def test_variogram_follows_the_hurst_exponent(hurst: float) -> None:
     ]
     # Finite octaves end in smooth ground, which raises the slope of jagged terrains most
     assert 0.5 * float(np.mean(slopes)) == pytest.approx(hurst, abs=0.12)
+
+
+@pytest.mark.parametrize("hurst", [0.3, 0.5, 0.8])
+def test_spectrum_falls_as_the_hurst_exponent_says(hurst: float) -> None:
+    settings = {"hurst_exponent": hurst, "octaves": 14, "wavelength": 5000.0}
+    slopes = [spectral_slope(made(513, 10.0, seed, **settings))[0] for seed in range(3)]
+    assert float(np.mean(slopes)) == pytest.approx(2 + 2 * hurst, abs=0.1)
 
 
 def test_directions_are_alike() -> None:
