@@ -216,6 +216,7 @@ def _run_steps(
         if on_step is not None:
             on_step(step, entry)
         del surface
+        subject = kept = None  # or they would keep the input of the last step that made terrain
         for name in [name for name in surfaces if last_use[name] <= index]:
             del surfaces[name]
     report = _report(recipe, run, registry, steps, entries, files)

@@ -267,9 +267,10 @@ class Program:
         padded = tuple(-(-size // part) * part for size, part in zip(shape, group, strict=True))
         values = [a.buffer if isinstance(a, DeviceArray) else a for a in arguments]
         items_a_row = prod(padded[1:]) * group[0]
+        timed = f"{name} {id(self._built)}"  # many programs call their kernel the same
         row, rows = 0, padded[0] // group[0]
         while row < rows:
-            count = opened.slice_rows(name, items_a_row, rows - row)
+            count = opened.slice_rows(timed, items_a_row, rows - row)
             with opened.lock:
                 kernel.set_args(*values)
                 cl.enqueue_nd_range_kernel(
@@ -280,7 +281,7 @@ class Program:
                     tuple(reversed((row * group[0], *(0 for _ in padded[1:])))),
                 )
             row += count
-            if opened.launched(name, count * items_a_row):
+            if opened.launched(timed, count * items_a_row):
                 self.device.finish()
 
     def _group(self, shape: tuple[int, ...], local: tuple[int, ...] | None) -> tuple[int, ...]:

@@ -78,7 +78,7 @@ __attribute__((always_inline)) inline float exact_exp2(float x)
 // x to the power y for x >= 0; 0 to any positive power is 0.
 __attribute__((always_inline)) inline float exact_power(float x, float y)
 {
-    return x < 1.17549435e-38f ? (y == 0.0f ? 1.0f : 0.0f) : exact_exp2(y * exact_log2(x));
+    return !(x >= 1.17549435e-38f) ? (y == 0.0f ? 1.0f : 0.0f) : exact_exp2(y * exact_log2(x));
 }
 
 // Sine of a whole circle's share: sin(2 pi t). Odd Taylor polynomial on a quarter turn.

@@ -117,7 +117,7 @@ def power(
 ) -> NDArray[np.float32]:
     """Return ``values ** exponent`` for values that are not negative."""
     exponents = np.asarray(exponent, dtype=F)
-    tiny = values < F(1.17549435e-38)
+    tiny = ~(values >= F(1.17549435e-38))
     safe = np.where(tiny, F(1), values)
     at_zero = np.where(exponents == F(0), F(1), F(0))
     return np.where(tiny, at_zero, exp2(exponents * log2(safe)))

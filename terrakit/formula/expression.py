@@ -1,8 +1,8 @@
 """Formulas of the place: written once, computed in NumPy and in OpenCL with the same bits.
 
 A :class:`Formula` is a node of a graph: a number, a coordinate, a layer, or an operation on other
-formulas. Nothing is computed while it is written. :func:`~terrakit.formula.evaluate` computes it
-for every sample of a grid, either with NumPy, or as one fused kernel.
+formulas. Nothing is computed while it is written. :meth:`terrakit.formula.Place.computed`
+computes it for every sample of a grid, either with NumPy, or as one fused kernel.
 """
 
 from __future__ import annotations
@@ -46,12 +46,18 @@ OPERATIONS: dict[str, Operation] = {
     "negate": Operation(lambda a: -a, "-{0}", lambda a: -a),
     "absolute": Operation(np.abs, "formula_absolute({0})", abs),
     "minimum": Operation(
-        lambda a, b: np.where(a < b, a, b), "({0} < {1} ? {0} : {1})", lambda a, b: min(a, b)
+        lambda a, b: np.where(a < b, a, b),
+        "({0} < {1} ? {0} : {1})",
+        lambda a, b: a if a < b else b,
     ),
     "maximum": Operation(
-        lambda a, b: np.where(a > b, a, b), "({0} > {1} ? {0} : {1})", lambda a, b: max(a, b)
+        lambda a, b: np.where(a > b, a, b),
+        "({0} > {1} ? {0} : {1})",
+        lambda a, b: a if a > b else b,
     ),
-    "floor": Operation(np.floor, "exact_floor({0})", lambda a: float(math.floor(a))),
+    "floor": Operation(
+        np.floor, "exact_floor({0})", lambda a: float(math.floor(a)) if math.isfinite(a) else a
+    ),
     "square_root": Operation(
         np.sqrt, "noise_root({0})", lambda a: math.sqrt(a) if a >= 0 else math.nan
     ),

@@ -100,6 +100,8 @@ class Octaves:
         body
             Given the states, returns them after one more octave.
         """
+        if self.loop.body:
+            raise ValueError("these octaves are summed already; ask the place for others")
         self.loop.start = tuple(as_formula(value) for value in start)
         states = [self.loop.state(index) for index in range(len(start))]
         self.loop.body = tuple(body(*states))
@@ -184,10 +186,9 @@ def heterogeneous_terrain(octaves: Octaves, offset: float) -> Formula:
 def multifractal(octaves: Octaves, offset: float) -> Formula:
     """Return a product of octaves, about 0 to 1: plains here, mountains there (Musgrave 1994)."""
     height, noise = octaves.height, octaves.noise()
-    total = 1.0
-    for step in octaves.heights:
-        total *= HALF * step + offset
-    return octaves.sum([1.0], lambda product: [product * (height * noise + offset)])[0] / total
+    # Divided octave by octave, so that a small offset cannot run out of numbers
+    scale = octaves.table([1.0 / max(HALF * step + offset, 1e-6) for step in octaves.heights])
+    return octaves.sum([1.0], lambda product: [product * ((height * noise + offset) * scale)])[0]
 
 
 def slope_damped(octaves: Octaves, damping: float) -> Formula:

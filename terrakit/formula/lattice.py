@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ The first is turned too, or the largest hills would lie along the rows and colum
 """
 
 STRAIGHT = (1.0, 0.0)
+FINEST = 2**20
+"""Lattice cells a sample beyond which noise is refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +42,10 @@ class Lattice:
     ----------
     basis
         Name of the noise basis.
-    steps
-        Six integers an octave: u at the first sample, per column, per row; the same for v.
+    eastward
+        Of shape (octaves, 2, cols): what each column adds to u and v, in parts of a cell.
+    northward
+        Of shape (octaves, 2, rows): what each row adds.
     metres
         Four numbers an octave: what u and v gain by a metre east and by a metre north.
     turns
@@ -50,7 +55,8 @@ class Lattice:
     """
 
     basis: str
-    steps: NDArray[np.int64]
+    eastward: NDArray[np.int64]
+    northward: NDArray[np.int64]
     metres: NDArray[np.float32]
     turns: NDArray[np.float32]
     seeds: NDArray[np.uint32]
@@ -58,7 +64,7 @@ class Lattice:
     @property
     def octaves(self) -> int:
         """How many octaves there are."""
-        return len(self.steps)
+        return len(self.seeds)
 
 
 def world_lattice(
@@ -92,45 +98,87 @@ def world_lattice(
         If an octave is far below the spacing of the samples.
     """
     x, y = (parts(along, grid.spacing) for along in grid.north_west)
-    steps, metres, turns, seeds = [], [], [], []
+    rows, cols = grid.shape
+    eastward, northward, metres, turns, seeds = [], [], [], [], []
     for octave, wavelength in enumerate(wavelengths):
-        step = grid.spacing / wavelength * ONE
-        if step >= 2**52:
-            raise ParameterError(
-                f"octaves = {len(wavelengths)}: octave {octave + 1} has a wavelength of "
-                f"{wavelength:g} m, far below the spacing of {grid.spacing:g} m; use fewer"
-            )
+        if grid.spacing / wavelength >= FINEST:
+            raise ParameterError(_too_fine(wavelengths, octave, grid.spacing))
         cosine, sine = TURNS[octave % len(TURNS)] if turned else STRAIGHT
         matrix = _skewed(cosine, sine) if skewed else (cosine, -sine, sine, cosine)
         shift = seed_words(*words, "shift", octave)
-        row = []
-        for axis in (0, 1):
-            east, north = (round(part * step) for part in matrix[2 * axis : 2 * axis + 2])
-            start = (x * east + y * north) // FINE
-            row += [_wrapped(v) for v in (start + (shift[axis] << 16), east, -north)]
-        steps.append(row)
+        cell = Fraction(grid.spacing) / Fraction(wavelength)
+        steps = [round(Fraction(part) * cell * ONE * ONE) for part in matrix]
+        eastward.append([_along(x, cols, 1, steps[2 * v], shift[v] << 16) for v in (0, 1)])
+        northward.append([_along(y, rows, -1, steps[2 * v + 1], 0) for v in (0, 1)])
         metres.append([part / wavelength for part in matrix])
         turns.append((cosine, sine))
         seeds.append(seed_words(*words, octave))
     return Lattice(
         basis,
-        np.array(steps, dtype=np.int64).reshape(-1, 6),
-        np.array(metres, dtype=np.float32).reshape(-1, 4),
-        np.array(turns, dtype=np.float32).reshape(-1, 2),
-        np.array(seeds, dtype=np.uint32).reshape(-1, 2),
+        np.array(eastward, dtype=np.int64),
+        np.array(northward, dtype=np.int64),
+        np.array(metres, dtype=np.float32),
+        np.array(turns, dtype=np.float32),
+        np.array(seeds, dtype=np.uint32),
     )
 
 
-def free_lattice(basis: str, skewed: bool, words: tuple[int, int]) -> Lattice:
+def free_lattice(
+    basis: str, skewed: bool, words: tuple[int, int], shape: tuple[int, int]
+) -> Lattice:
     """Return a lattice whose positions are given in cells, by formulas alone."""
+    rows, cols = shape
     shift = seed_words(*words, "shift", 0)
     matrix = _skewed(1.0, 0.0) if skewed else (1.0, 0.0, 0.0, 1.0)
     return Lattice(
         basis,
-        np.array([[shift[0] << 16, 0, 0, shift[1] << 16, 0, 0]], dtype=np.int64),
+        np.array([[np.full(cols, word << 16, np.int64) for word in shift]]),
+        np.zeros((1, 2, rows), np.int64),
         np.array([matrix], dtype=np.float32),
         np.array([STRAIGHT], dtype=np.float32),
         np.array([seed_words(*words, 0)], dtype=np.uint32),
+    )
+
+
+def _along(first: int, count: int, direction: int, step: int, shift: int) -> NDArray[np.int64]:
+    """Return where samples lie along an axis of a lattice, in parts of a cell.
+
+    Each is rounded down from its exact place, so that it does not depend on the tile, nor, to a
+    part, on the spacing, however far from the origin it is.
+
+    Parameters
+    ----------
+    first
+        Place of the first sample, in parts of a sample.
+    count
+        How many there are.
+    direction
+        1 where places rise with the index, else -1.
+    step
+        What a whole sample adds, in parts of a part: 2**-64 of a cell.
+    shift
+        Where the lattice begins, in parts of a cell.
+    """
+    whole, rest = divmod(first, FINE)
+    remainder = rest * step // FINE + shift * ONE
+    if abs(whole) + count >= 2**30:  # beyond what 64 bits hold below
+        exact = [(whole + direction * n) * step + remainder >> 32 for n in range(count)]
+        return np.array([_wrapped(place) for place in exact], dtype=np.int64)
+    (high, low), (more, less) = divmod(step, ONE), divmod(remainder, ONE)
+    n = whole + direction * np.arange(count, dtype=np.int64)
+    places: NDArray[np.int64] = n * _wrapped(high) + _wrapped(more) + ((n * low + less) >> 32)
+    return places
+
+
+def _too_fine(wavelengths: list[float], octave: int, spacing: float) -> str:
+    if len(wavelengths) == 1:
+        return (
+            f"wavelength = {wavelengths[0]:g} m: far below the spacing of {spacing:g} m; "
+            "use a longer one"
+        )
+    return (
+        f"octaves = {len(wavelengths)}: octave {octave + 1} has a wavelength of "
+        f"{wavelengths[octave]:g} m, far below the spacing of {spacing:g} m; use fewer"
     )
 
 

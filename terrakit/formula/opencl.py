@@ -37,16 +37,16 @@ __attribute__((always_inline)) inline float formula_absolute(float a)
 }}
 
 // Cells in the fixed point of lattice positions
-__attribute__((always_inline)) inline long formula_fixed(float cells)
+__attribute__((always_inline)) inline ulong formula_fixed(float cells)
 {{
     const float held = cells > -1e9f ? (cells < 1e9f ? cells : 1e9f) : -1e9f;
     const int cut = (int)held;
     const int whole = (float)cut > held ? cut - 1 : cut;
     const int part = (int)((held - (float)whole) * 16777216.0f);
-    return (long)((ulong)(long)whole << 32) + ((long)part << 8);
+    return ((ulong)(long)whole << 32) + ((ulong)part << 8);
 }}
 
-__attribute__((always_inline)) inline float formula_fraction(long position)
+__attribute__((always_inline)) inline float formula_fraction(ulong position)
 {{
     return (float)((uint)position >> 8) * 5.9604644775390625e-8f;
 }}
@@ -73,15 +73,26 @@ __attribute__((always_inline)) inline float formula_line(
         line[formula_within(first + 1, cols)], line[formula_within(first + 2, cols)], t);
 }}
 
-// A field between its samples, at column x and row y; beyond the border samples are repeated
-__attribute__((always_inline)) inline float formula_sampled(
-    __global const float *field, int rows, int cols, float x, float y)
+// The sample at or before a place, and how far beyond it the place is; borders end both
+__attribute__((always_inline)) inline int2 formula_between(int place, float moved, int count)
 {{
-    const float right = (float)(cols - 1), bottom = (float)(rows - 1);
-    const float at = x > 0.0f ? (x < right ? x : right) : 0.0f;
-    const float down = y > 0.0f ? (y < bottom ? y : bottom) : 0.0f;
-    const int col = (int)at, row = (int)down;
-    const float t = at - (float)col, s = down - (float)row;
+    const float held = moved > -1e9f ? (moved < 1e9f ? moved : 1e9f) : -1e9f;
+    const int cut = (int)held;
+    const int whole = (float)cut > held ? cut - 1 : cut;
+    const int at = place + whole;
+    const float t = held - (float)whole;
+    const bool inside = at >= 0 && at < count - 1;
+    return (int2)(formula_within(at, count), as_int(inside ? t : 0.0f));
+}}
+
+// A field between its samples, moved from column x and row y; beyond the border
+// samples are repeated
+__attribute__((always_inline)) inline float formula_sampled(
+    __global const float *field, int rows, int cols, int x, int y, float east, float south)
+{{
+    const int2 across = formula_between(x, east, cols), down = formula_between(y, south, rows);
+    const int col = across.x, row = down.x;
+    const float t = as_float(across.y), s = as_float(down.y);
     float lines[4];
     for (int k = 0; k < 4; ++k) {{
         const int line = formula_within(row - 1 + k, rows);
@@ -158,7 +169,8 @@ class _Kernel:
             np.concatenate([*self.columns, np.zeros(1, np.float32)]),
             np.concatenate([*self.rows, np.zeros(1, np.float32)]),
             np.array([*self.tables, 0.0], dtype=np.float32),
-            np.concatenate([*(a.steps for a in lattices), np.zeros((1, 6), np.int64)]),
+            np.concatenate([*(a.eastward.ravel() for a in lattices), np.zeros(1, np.int64)]),
+            np.concatenate([*(a.northward.ravel() for a in lattices), np.zeros(1, np.int64)]),
             np.concatenate([*(a.metres for a in lattices), np.zeros((1, 4), np.float32)]),
             np.concatenate([*(a.turns for a in lattices), np.zeros((1, 2), np.float32)]),
             np.concatenate([*(a.seeds for a in lattices), np.zeros((1, 2), np.uint32)]),
@@ -173,7 +185,8 @@ class _Kernel:
             "__global const float *columns",
             "__global const float *lines",
             "__global const float *tables",
-            "__global const long *steps",
+            "__global const ulong *eastward",
+            "__global const ulong *northward",
             "__global const float *metres",
             "__global const float *turns",
             "__global const uint *seeds",
@@ -290,29 +303,28 @@ class _Kernel:
         self, formulas: list[Formula], octave: str, after: list[str], before: Sequence[str] = ()
     ) -> None:
         """Write a wide loop that computes some formulas for every sample."""
-        noises = [f for f in formulas if f.op == "noise"]
-        for formula in noises:
-            self._write_position(formula, octave)
+        for formula in formulas:
+            if formula.op == "noise":
+                self._write_position(formula, octave)
         lines = [*before]
         for formula in formulas:
             lines += self._value(formula)
         lines += after
-        for formula in noises:
-            name = self.names[id(formula)]
-            lines += [f"{name}_u += {name}_du; {name}_v += {name}_dv;"]
         self.lines += ["EACH {", *(f"    {line}" for line in lines), "}"]
 
     def _write_position(self, formula: Formula, octave: str) -> None:
-        """Write where the first sample of the row lies on a noise's lattice."""
+        """Write where a noise's lattice lies under the samples of this row."""
         lattice, n = formula.data.lattice, self.names[id(formula)]
         if lattice not in self.lattices:
             self.lattices[lattice] = self._offset(self.octaves)
             self.octaves += lattice.octaves
         self.lines.append(f"const int {n}_k = {self.lattices[lattice]} + {octave};")
-        for axis, place in (("u", 0), ("v", 3)):
-            at = [f"steps[6 * {n}_k + {place + part}]" for part in range(3)]
-            self.lines.append(f"const long {n}_d{axis} = {at[1]};")
-            self.lines.append(f"long {n}_{axis} = {at[0]} + row * {at[2]} + first * {n}_d{axis};")
+        for axis, name in enumerate("uv"):
+            line = f"(size_t)(2 * {n}_k + {axis})"
+            self.lines.append(f"const ulong {n}_{name}_row = northward[{line} * rows + row];")
+            self.lines.append(
+                f"__global const ulong *{n}_{name} = eastward + {line} * cols + first;"
+            )
         self.lines.append(
             f"const uint {n}_low = seeds[2 * {n}_k], {n}_high = seeds[2 * {n}_k + 1];"
         )
@@ -334,7 +346,7 @@ class _Kernel:
             return self._noise(formula, name, args)
         if formula.op == "sample":
             field = args[2].partition("[")[0]
-            at = f"(float)(first + c) + {args[0]}, (float)row - {args[1]}"
+            at = f"first + c, row, {args[0]}, -{args[1]}"
             return [f"const float {name} = formula_sampled({field}, rows, cols, {at});"]
         kind = "int" if formula.is_condition else "float"
         return [f"const {kind} {name} = {OPERATIONS[formula.op].opencl.format(*args)};"]
@@ -346,7 +358,7 @@ class _Kernel:
             if args:
                 cells = f"{n}_m{east} * {args[0]} + {n}_m{north} * {args[1]}"
                 moved = f" + formula_fixed({cells})"
-            lines.append(f"const long {n}_p{axis} = {n}_{axis}{moved};")
+            lines.append(f"const ulong {n}_p{axis} = {n}_{axis}[c] + {n}_{axis}_row{moved};")
         at = (
             f"(int)({n}_pu >> 32), (int)({n}_pv >> 32), formula_fraction({n}_pu), "
             f"formula_fraction({n}_pv), {n}_low, {n}_high"

@@ -46,6 +46,7 @@ class Place:
         self.east: Formula | None = None
         self.north: Formula | None = None
         self._leaves: dict[Any, Formula] = {}
+        self._held: list[Any] = []
 
     @property
     def is_displaced(self) -> bool:
@@ -65,7 +66,7 @@ class Place:
     def displaced(self, east: Number, north: Number) -> Place:
         """Return the place that lies so many metres east and north of this one."""
         other = Place(self.grid, self.run, self.surface)
-        other._leaves = self._leaves
+        other._leaves, other._held = self._leaves, self._held
         other.east = as_formula(east) if self.east is None else self.east + east
         other.north = as_formula(north) if self.north is None else self.north + north
         return other
@@ -75,7 +76,7 @@ class Place:
         if self.surface is None:
             return self
         other = Place(self.grid, self.run)
-        other._leaves = self._leaves
+        other._leaves, other._held = self._leaves, self._held
         other.east, other.north = self.east, self.north
         return other
 
@@ -127,17 +128,19 @@ class Place:
         given = getattr(operator, parameter)
         if isinstance(given, (int, float)):
             return constant(given)
+        # What is elsewhere nobody can look at beforehand: it is held within the parameter's bounds
+        bounds = bounds_of(type(operator).model_fields[parameter])
+        low = bounds.get("minimum", bounds.get("exclusiveMinimum", -FAR))
+        high = bounds.get("maximum", bounds.get("exclusiveMaximum", FAR))
         if isinstance(given, Chain) and self.is_displaced:
-            # Nobody can look at it beforehand, so that it is held within the parameter's bounds
-            bounds = bounds_of(type(operator).model_fields[parameter])
-            low = bounds.get("minimum", bounds.get("exclusiveMinimum", -FAR))
-            high = bounds.get("maximum", bounds.get("exclusiveMaximum", FAR))
             return clamp(self.terrain(given, parameter), low, high)
         where = self.surface if self.surface is not None else self.grid
         found = operator.value(parameter, where)
         if isinstance(found, (int, float)):
             return constant(found)
-        return self._field(("parameter", operator.name, parameter, id(operator)), Layer(found))
+        self._held.append(operator)  # so that no other gets its identity
+        field = self._field(("parameter", parameter, id(operator)), Layer(found))
+        return clamp(field, low, high) if self.is_displaced else field
 
     def terrain(self, source: Any, parameter: str) -> Formula:
         """Return the height of another terrain: a number, an earlier step or a chain."""
@@ -148,7 +151,9 @@ class Place:
             return constant(source)
         if isinstance(source, Chain):
             first, *rest = source.operators
-            fits = all(isinstance(operator, FormulaFilter) for operator in rest)
+            fits = all(
+                isinstance(link, FormulaFilter) and not _has_own_layers(link) for link in rest
+            )
             if isinstance(first, FormulaGenerator) and fits:
                 # A chain knows no layers but its own, whoever asks for it
                 inner = self._bare()
@@ -161,7 +166,9 @@ class Place:
         except ParameterError as error:
             sign = " =" if isinstance(source, str) else ":"
             raise ParameterError(f"{parameter}{sign} {error}") from None
-        return self._field(("terrain", id(source)), other.layers["elevation"])
+        self._held.append(source)
+        key = source if isinstance(source, str) else id(source)
+        return self._field(("terrain", key), other.layers["elevation"])
 
     def words(self, stream: str, seed: Seed) -> tuple[int, int]:
         """Return the seed of one stream of random numbers."""
@@ -187,7 +194,7 @@ class Place:
         """Return one octave of noise at a position that is given in lattice cells."""
         from terrakit.noise import BASES
 
-        lattice = free_lattice(basis, BASES[basis].is_skewed, words)
+        lattice = free_lattice(basis, BASES[basis].is_skewed, words, self.grid.shape)
         return Formula("noise", (as_formula(u), as_formula(v)), Noise(lattice, None))
 
     def octaves(
@@ -260,3 +267,10 @@ class Place:
         from terrakit.formula.opencl import compute as compute_on
 
         return list(compute_on(formulas, self.grid.shape, device))
+
+
+def _has_own_layers(operator: Operator) -> bool:
+    """Return whether a parameter follows a layer of the very terrain that the operator works on."""
+    from terrakit.sources import references_within
+
+    return any(r.role == "layer" and "." not in r.text for r in references_within(operator))

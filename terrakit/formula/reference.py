@@ -16,8 +16,8 @@ from terrakit.noise import BASES
 
 F = np.float32
 U = np.uint32
-BLOCK = 64
-"""Rows that are computed together, to bound the memory of the temporaries."""
+BLOCK = 2**17
+"""Samples that are computed together, to bound the memory of the temporaries."""
 
 
 def compute(formulas: Sequence[Formula], shape: tuple[int, int]) -> list[NDArray[np.float32]]:
@@ -25,9 +25,10 @@ def compute(formulas: Sequence[Formula], shape: tuple[int, int]) -> list[NDArray
     rows, cols = shape
     plan = Plan(formulas)
     results = [np.empty(shape, dtype=F) for _ in formulas]
-    for first in range(0, rows, BLOCK):
+    lines = max(1, BLOCK // cols)
+    for first in range(0, rows, lines):
         check_cancelled()
-        part = slice(first, min(first + BLOCK, rows))
+        part = slice(first, min(first + lines, rows))
         with np.errstate(all="ignore"):  # what a branch that is not taken computes does not count
             known = _Block(plan, part, cols).values()
         for result, formula in zip(results, formulas, strict=True):
@@ -85,9 +86,9 @@ class _Block:
             return data[0].tables[data[1]][octave]
         if op == "sample":
             east, north, field = formula.args
-            x = self.col.astype(F) + known[id(east)]
-            y = self.row.astype(F) - known[id(north)]
-            return sampled(field.data.host(), *np.broadcast_arrays(x, y))
+            shape = (self.row.size, self.col.size)
+            moved = (np.broadcast_to(known[id(part)], shape) for part in (east, north))
+            return sampled(field.data.host(), self.row, self.col, *moved)
         args = [known[id(arg)] for arg in formula.args]
         if op == "noise":
             return self._noise(data, args, octave)
@@ -97,9 +98,11 @@ class _Block:
 
     def _noise(self, noise: Noise, args: list[Any], octave: int) -> Any:
         lattice = noise.lattice
-        at = lattice.steps[octave]
-        u = at[0] + self.col * at[1] + self.row * at[2]
-        v = at[3] + self.col * at[4] + self.row * at[5]
+        u, v = (
+            lattice.eastward[octave, axis][None, :]
+            + lattice.northward[octave, axis, self.rows][:, None]
+            for axis in (0, 1)
+        )
         if args:
             a, b, c, d = lattice.metres[octave]
             u = u + _fixed(a * args[0] + b * args[1])
@@ -133,27 +136,34 @@ def _fixed(cells: Any) -> NDArray[np.int64]:
 
 
 def sampled(
-    field: NDArray[np.float32], x: NDArray[np.float32], y: NDArray[np.float32]
+    field: NDArray[np.float32],
+    row: NDArray[np.int64],
+    col: NDArray[np.int64],
+    east: NDArray[np.float32],
+    north: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """Return a field between its samples, at column ``x`` and row ``y``, by Catmull-Rom splines.
+    """Return a field between its samples by Catmull-Rom splines, moved by samples.
 
-    Beyond the border its samples are repeated (Catmull & Rom 1974).
+    Whole samples are counted in integers, so that it does not depend on the tile. Beyond the
+    border its samples are repeated (Catmull & Rom 1974).
     """
-    (columns, t), (rows, s) = (
-        _neighbours(at, count) for at, count in ((x, field.shape[1]), (y, field.shape[0]))
-    )
-    lines = [_spline([field[row, column] for column in columns], t) for row in rows]
+    columns, t = _between(col, east, field.shape[1])
+    rows, s = _between(row, -north, field.shape[0])
+    lines = [_spline([field[line, column] for column in columns], t) for line in rows]
     return _spline(lines, s)
 
 
-def _neighbours(
-    at: NDArray[np.float32], count: int
-) -> tuple[list[NDArray[np.int32]], NDArray[np.float32]]:
-    """Return the four samples around each position, and where it is between the middle two."""
-    last = F(count - 1)
-    held = np.where(at > F(0), np.where(at < last, at, last), F(0))
-    first = held.astype(np.int32)
-    return [np.clip(first + step, 0, count - 1) for step in (-1, 0, 1, 2)], held - first.astype(F)
+def _between(
+    place: NDArray[np.int64], moved: NDArray[np.float32], count: int
+) -> tuple[list[NDArray[np.int64]], NDArray[np.float32]]:
+    """Return the four samples around each place, and where it is between the middle two."""
+    held = np.where(moved > F(-1e9), np.where(moved < F(1e9), moved, F(1e9)), F(-1e9))
+    whole = np.floor(held)
+    at = place + whole.astype(np.int64)
+    inside = (at >= 0) & (at < count - 1)
+    first = np.clip(at, 0, count - 1)
+    t = np.where(inside, held - whole, F(0))
+    return [np.clip(first + step, 0, count - 1) for step in (-1, 0, 1, 2)], t
 
 
 def _spline(around: list[NDArray[np.float32]], t: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -157,6 +157,7 @@ def test_device_and_reference_agree_over_a_long_scribble() -> None:
     [
         ({"radius": 0.0}, "stroke 2: radius = 0.0: must be 0 < radius <= 1e\\+06 m"),
         ({"radius": math.nan}, "stroke 2: radius = nan"),
+        ({"radius": 1e-300}, "radius = 1e-300: must be at least 0.001 m"),
         ({"points": []}, "stroke 2: points.*at least one point"),
         ({"points": [[1.0, math.nan]]}, "stroke 2: points.*point 1 must be"),
         ({"points": [[1.0, 2.0], [3.0]]}, "stroke 2: points.*point 2 must be"),

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -269,3 +272,82 @@ def test_samples_between_samples_are_splines() -> None:
     assert np.abs(between - expected)[3:-3, 3:-3].max() < 1e-2
     for far in (1e30, -1e30, math.inf):
         assert np.isfinite(at(far, far)[0]).all()
+
+
+@pytest.mark.parametrize("size", [1, 7, 64, 256])
+def test_work_groups_do_not_matter(size: int) -> None:
+    def make(place: f.Place) -> f.Formula:
+        bent = place.displaced(f.fbm(octaves(place, "bend")) * 90.0, 0.0)
+        return f.swiss(octaves(bent), 0.2) * f.sine(bent.x * X) + place.y
+
+    usual = computed(make, None)
+    place = f.Place(GRID, Run(3, work_group=size))
+    (values,) = place.computed(make(place))
+    assert np.array_equal(usual.view(np.int32), values.download().view(np.int32))
+
+
+def test_no_hash_decides_the_source() -> None:
+    """Neither the order of sets nor addresses show in what is compiled."""
+    script = (
+        "import hashlib\n"
+        "from terrakit import Grid, Run\n"
+        "from terrakit import formula as f\n"
+        "from terrakit.formula.opencl import _Kernel\n"
+        "from terrakit.formula.plan import Plan\n"
+        "p = f.Place(Grid((9, 9), 10.0), Run(3, 'numpy'))\n"
+        "o = lambda s: p.octaves('gradient', 500.0, 5, p.words(s, 1))\n"
+        "a = f.swiss(o('a'), 0.2) * f.sine(p.x) + f.fbm(o('b')) * f.jordan(o('c'), 0.4, 1.0)\n"
+        "print(hashlib.sha256(_Kernel(Plan([a, a * p.y]), (9, 9)).source().encode()).hexdigest())\n"
+    )
+    said = {
+        subprocess.run(
+            [sys.executable, "-c", script],
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            check=True,
+            text=True,
+        ).stdout
+        for seed in ("0", "1", "77")
+    }
+    assert len(said) == 1
+
+
+def test_far_from_the_origin_spacing_still_only_samples() -> None:
+    """A place of a map in UTM coordinates is as high, however far apart its samples are."""
+    heights = []
+    for refined in (1, 2, 4):
+        grid = Grid((8 * refined, 8 * refined), 1.0 / refined, (5e5, 5e6))
+        values = both(lambda p: f.fbm(p.octaves("gradient", 20000.0, 3, (1, 2))), grid)
+        heights.append(values[::refined, ::refined])
+    assert np.abs(heights[0] - heights[1]).max() < 1e-6
+    assert np.abs(heights[0] - heights[2]).max() < 1e-6
+
+
+def test_octaves_are_summed_once() -> None:
+    place = f.Place(GRID, Run(3))
+    sums = octaves(place)
+    f.fbm(sums)
+    with pytest.raises(ValueError, match="summed already"):
+        f.billow(sums)
+
+
+def test_samples_do_not_depend_on_the_tile() -> None:
+    field = np.random.default_rng(1).normal(size=(8, 4100)).astype(np.float32)
+
+    def moved(part: slice) -> Field:
+        terrain = Heightfield(field[:, part], 10.0)
+        place = f.Place(terrain.grid, Run(1), terrain).displaced(73.1, -8.3)
+        (values,) = place.computed(place.layer())
+        return values.download() if hasattr(values, "download") else values
+
+    assert np.array_equal(moved(slice(4000, 4100))[:, 10:80], moved(slice(0, 4100))[:, 4010:4080])
+
+
+def test_a_displaced_mask_stays_within_its_parameter() -> None:
+    from terrakit_generators.fractals.fbm import Fbm
+
+    steps = Heightfield(np.repeat([[0.0, 1.0] * 32], 64, axis=0), 10.0)
+    place = f.Place(steps.grid, Run(1, "numpy", earlier={"steps": steps})).displaced(3.0, 0.0)
+    with place.run.watching(steps.grid):
+        (values,) = place.computed(place.value(Fbm(amplitude="steps"), "amplitude"))
+    assert values.min() >= 0.0

@@ -101,3 +101,28 @@ def test_what_is_no_picture_is_refused_in_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(told.value)
     with pytest.raises(ParameterError, match="bounds.*west < east"):
         ImageMask(picture=grey, bounds=[3.0, 0.0, 1.0, 2.0])
+    for bounds in ([0.0, 0.0, 1e-300, 1e-300], [0.0, 0.0, 1e300, 1.0]):
+        with pytest.raises(ParameterError, match=r"bounds.*at least 0\.001 m apart"):
+            ImageMask(picture=grey, bounds=bounds)
+
+
+@pytest.mark.parametrize("ending", ["png", "pgm", "jpg", "bmp", "tif"])
+def test_a_picture_that_is_cut_short_or_changed_is_refused(tmp_path: Path, ending: str) -> None:
+    values = np.random.default_rng(3).integers(1, 255, (64, 64)).astype(np.uint8)
+    whole = Path(saved(tmp_path / f"whole.{ending}", values)).read_bytes()
+    broken = [whole[: len(whole) * share // 4] for share in (2, 3)] + [whole[:-30]]
+    if ending == "png":
+        broken.append(whole[:900] + bytes([whole[900] ^ 1]) + whole[901:])
+    for number, content in enumerate(broken):
+        cut = tmp_path / f"{number}.{ending}"
+        cut.write_bytes(content)
+        with pytest.raises(InputError, match="damaged or no picture"):
+            mask(str(cut))
+    assert mask(saved(tmp_path / f"good.{ending}", values)).any()
+
+
+def test_a_large_picture_on_a_small_place_takes_little_memory(tmp_path: Path) -> None:
+    picture = saved(tmp_path / "a.png", np.full((2, 300), 255, np.uint8))
+    told = mask(picture, bounds=[39.999, 39.999, 40.001, 40.001])
+    assert told[4, 4] == 1.0
+    assert told.sum() == 1.0

@@ -101,6 +101,7 @@ def test_a_tile_equals_the_whole_at_any_place() -> None:
         ),
         ([[SQUARE[:2]]], "polygon 1, ring 1 has 2 different points; needs at least 3"),
         ([[[[0, 0], [5, 5], [9, 9]]]], "encloses nothing"),
+        ([[[[0, 0], [1e-200, 1e-200], [1e-200, 0]]]], "encloses nothing"),
         ([[SQUARE, [[0, 0], [1, math.nan], [1, 1]]]], "polygon 1, ring 2, point 2 is .*nan"),
         ([[[[0, 0], [1, 1], [math.inf, 1]]]], "point 3"),
         ([[[[0, 0], [1], [1, 1]]]], r"point 2 must be \[x, y\]"),

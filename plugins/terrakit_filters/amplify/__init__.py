@@ -87,7 +87,7 @@ class Amplify(Filter):
         None,
         "In place of the factor: double the samples until they are at most this far apart.",
         unit="m",
-        gt=0,
+        ge=1e-6,
         le=1e9,
     )
     detail: float = parameter(

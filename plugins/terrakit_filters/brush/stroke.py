@@ -68,6 +68,8 @@ class Stroke(BaseModel):
 
     @model_validator(mode="after")
     def _fits_its_tool(self) -> Stroke:
+        if self.radius < 1e-3:
+            raise ValueError(f"radius = {self.radius:g}: must be at least 0.001 m; raise it")
         if self.tool in ("smooth", "flatten") and self.strength > 1:
             raise ValueError(
                 f"strength = {self.strength:g}: must be 0 <= strength <= 1 for tool = {self.tool!r}"

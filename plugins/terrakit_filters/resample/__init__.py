@@ -45,7 +45,7 @@ class Resample(Filter):
     trial: ClassVar = {"spacing": 7.0}
 
     spacing: float | None = parameter(
-        None, "Distance between the new samples.", unit="m", gt=0, le=1e9
+        None, "Distance between the new samples.", unit="m", ge=1e-6, le=1e9
     )
     like: StepName | None = parameter(
         None, "An earlier step in place of a spacing, whose samples to take."

@@ -60,6 +60,11 @@ class ImageMask(Mask):
             len(bounds) != 4 or not (bounds[0] < bounds[2] and bounds[1] < bounds[3])
         ):
             raise ValueError("must be [west, south, east, north] with west < east, south < north")
+        if bounds is not None and (
+            max(abs(side) for side in bounds) > 1e9
+            or min(bounds[2] - bounds[0], bounds[3] - bounds[1]) < 1e-3
+        ):
+            raise ValueError("sides must lie within 1e9 m and at least 0.001 m apart")
         return bounds
 
     def remedy(self) -> str:

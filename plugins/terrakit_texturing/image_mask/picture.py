@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 import warnings
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +57,7 @@ def read_picture(path: Path, channel: str) -> NDArray[np.float32]:
                         f"picture = {path.name!r}: {dataset.width}x{dataset.height} pixels > "
                         f"{MOST_PIXELS}; make it smaller"
                     )
+                _refuse_cut(path, dataset)
                 bands = _bands(dataset)
     except InputError:
         raise
@@ -63,6 +66,29 @@ def read_picture(path: Path, channel: str) -> NDArray[np.float32]:
             f"picture = {path.name!r}: is damaged or no picture (PNG, JPEG, BMP, PGM or TIFF)"
         ) from error
     return _mixed(bands, channel, path.name)
+
+
+def _refuse_cut(path: Path, dataset: Any) -> None:
+    """Raise ValueError where a file ends too early or changed on its way.
+
+    GDAL only warns of such PNG and PGM files, and hands out what was in memory for the rest.
+    """
+    if dataset.driver == "PNG":
+        with open(path, "rb") as stream:
+            stream.seek(8)
+            kind = b""
+            while kind != b"IEND":
+                head = stream.read(8)
+                length, kind = int.from_bytes(head[:4], "big"), head[4:]
+                content, check = stream.read(length), stream.read(4)
+                if len(check) < 4 or zlib.crc32(kind + content) != int.from_bytes(check, "big"):
+                    raise ValueError("is cut short or damaged")
+    elif dataset.driver == "PNM":
+        size = dataset.width * dataset.height * sum(np.dtype(d).itemsize for d in dataset.dtypes)
+        with open(path, "rb") as stream:
+            header = re.match(rb"P[56](?:(?:\s|#[^\n]*\n)+\d+){3}\s", stream.read(4096))
+        if header is None or path.stat().st_size < header.end() + size:
+            raise ValueError("is cut short or damaged")
 
 
 def _bands(dataset: Any) -> dict[str, NDArray[np.float64]]:
@@ -142,7 +168,10 @@ def _weights(
     at = share * (pixels - 1)
     width = max(1.0, round(step * (pixels - 1), 9))
     reach = math.ceil(width)
-    near = np.floor(at).astype(np.intp)[:, None] + np.arange(-reach + 1, reach + 1)[None, :]
+    if 2 * reach < pixels:
+        near = np.floor(at).astype(np.intp)[:, None] + np.arange(-reach + 1, reach + 1)[None, :]
+    else:  # every pixel once, in the same order, however small the picture lies in the terrain
+        near = np.broadcast_to(np.arange(pixels), (len(at), pixels))
     weight = np.maximum(1.0 - np.abs(near - at[:, None]) / width, 0.0)
     inside = (near >= 0) & (near < pixels)
     weight = np.where(inside, weight, 0.0)

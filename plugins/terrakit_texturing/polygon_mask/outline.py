@@ -77,7 +77,8 @@ def _area(ring: Ring) -> float:
     """Return how much of the square of its extent a ring encloses."""
     x, y = (ring - ring[0]).T
     area = 0.5 * abs(float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum()))
-    return area / float(np.ptp(x) ** 2 + np.ptp(y) ** 2)
+    extent = float(np.ptp(x) ** 2 + np.ptp(y) ** 2)
+    return area / extent if extent > 0 else 0.0  # a ring so small that its square vanishes
 
 
 def edges_of(rings: list[Ring]) -> NDArray[np.float64]:
