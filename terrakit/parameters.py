@@ -259,6 +259,15 @@ def suggestion(word: str, known: list[str]) -> str:
     return f" (known: {', '.join(sorted(known))})" if known else ""
 
 
+_WITHIN_LISTS = {
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "too_short": "a list of length {min_length} or more",
+    "too_long": "a list of length {max_length} or less",
+}
+"""What is wanted of the parts of a list, by the kind of problem."""
+
+
 def explain(error: ValidationError, model: type[BaseModel], where: str) -> str:
     """Return the first problem of a validation as one line that begins with ``where``."""
     problem = error.errors(include_url=False, include_context=False)[0]
@@ -277,6 +286,10 @@ def explain(error: ValidationError, model: type[BaseModel], where: str) -> str:
         return f"{where}: {name} is missing{more}"
     value = problem["input"]
     field = model.model_fields.get(name)
+    inside = "".join(f"[{part + 1}]" for part in path[1:] if isinstance(part, int))
+    if problem["type"] in _WITHIN_LISTS and (inside or "length" in _WITHIN_LISTS[problem["type"]]):
+        wanted = _WITHIN_LISTS[problem["type"]].format(**error.errors()[0].get("ctx", {}))
+        return f"{where}: {name}{inside} = {_short(value)}: must be {wanted}{more}"
     if field is not None and problem["type"] != "value_error":
         expected = _expected(name, field)
         return f"{where}: {name} = {_short(value)}: must be {expected}{more}"

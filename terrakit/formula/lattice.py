@@ -171,7 +171,7 @@ def _along(first: int, count: int, direction: int, step: int, shift: int) -> NDA
 
 
 def _too_fine(wavelengths: list[float], octave: int, spacing: float) -> str:
-    if len(wavelengths) == 1:
+    if octave == 0:
         return (
             f"wavelength = {wavelengths[0]:g} m: far below the spacing of {spacing:g} m; "
             "use a longer one"

@@ -20,6 +20,9 @@ from terrakit_filters.sampling import F, Numbers, sampled
 BLOCK = 256
 """Rows that are stamped at once, so that memory stays small."""
 
+MOST_SAMPLES = 8193
+"""Samples a side of a stamp that is made here."""
+
 
 class Stamp(Filter):
     """Put another terrain down at a place, turned and scaled, with a soft edge.
@@ -47,7 +50,11 @@ class Stamp(Filter):
     trial: ClassVar = {"stamp": 40.0, "radius": 90.0, "feather": 30.0}
 
     stamp: float | Chain | None = parameter(
-        None, "The stamp: operators that make a terrain, or a height.", unit="m"
+        None,
+        "The stamp: operators that make a terrain, or a height.",
+        unit="m",
+        ge=-1e6,
+        le=1e6,
     )
     from_step: StepName | None = parameter(
         None, "An earlier step to stamp, of any size, in place of that."
@@ -56,7 +63,11 @@ class Stamp(Filter):
         None, "World x and y of the stamp's middle; the middle of the world without it.", unit="m"
     )
     radius: float = parameter(
-        1000.0, "From the stamp's middle to its edge, after scaling.", unit="m", gt=0
+        1000.0,
+        "From the stamp's middle to its edge, after scaling.",
+        unit="m",
+        ge=1e-3,
+        le=1e6,
     )
     outline: Literal["disc", "square"] = parameter(
         "disc", "Outline of the stamp; a square turns with it."
@@ -70,7 +81,7 @@ class Stamp(Filter):
     angle: float = parameter(
         0.0, "How far to turn, counter-clockwise seen from above.", unit="deg", ge=-360, le=360
     )
-    scale: float = parameter(1.0, "How much wider the stamp becomes.", gt=0, le=1e4)
+    scale: float = parameter(1.0, "How much wider the stamp becomes.", ge=1e-4, le=1e4)
     height_scale: float = parameter(1.0, "What its heights are multiplied by.", ge=-1e4, le=1e4)
     offset: float = parameter(0.0, "What is added to its heights.", unit="m", ge=-1e6, le=1e6)
 
@@ -85,6 +96,8 @@ class Stamp(Filter):
     def _something(self) -> Stamp:
         if self.stamp is None and self.from_step is None:
             raise ValueError("needs stamp (operators or a height) or from_step (an earlier step)")
+        if self.stamp is not None and self.from_step is not None:
+            raise ValueError("give stamp or from_step, not both; leave one out")
         return self
 
     def apply(self, surface: Heightfield, run: Run) -> Heightfield:
@@ -168,6 +181,11 @@ class Stamp(Filter):
             return None
         spacing = surface.spacing / self.scale
         half = math.ceil(reach / surface.spacing) + 1
+        if 2 * half + 1 > MOST_SAMPLES:
+            raise ParameterError(
+                f"radius = {self.radius:g}: the stamp would have {2 * half + 1} samples a side, "
+                f"at most {MOST_SAMPLES}; lower radius or use a coarser terrain"
+            )
         grid = Grid((2 * half + 1,) * 2, spacing, (-half * spacing, half * spacing))
         alone = run.for_step(run.step)
         alone.world = grid

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, ClassVar
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from terrakit.formula import (
     Formula,
@@ -24,7 +24,16 @@ from terrakit.formula import (
 )
 from terrakit.parameters import Maskable, Seed, parameter
 
-Point = Annotated[list[float], Field(min_length=2, max_length=2)]
+FARTHEST = 1e9
+
+
+def _on_earth(point: list[float]) -> list[float]:
+    if max(abs(part) for part in point) > FARTHEST:
+        raise ValueError("must lie within 1e9 m of the world's origin")
+    return point
+
+
+Point = Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_on_earth)]
 """World x and y, metres."""
 FINEST = 0.002
 """Length of the finest unevenness, metres: what samples a kilometre apart can still place."""
