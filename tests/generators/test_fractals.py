@@ -109,7 +109,9 @@ def test_gain_goes_before_the_hurst_exponent() -> None:
 
 def test_octaves_far_below_the_spacing_are_refused() -> None:
     with pytest.raises(ParameterError, match="use fewer"):
-        made(9, 1e8, wavelength=1.0, octaves=24, lacunarity=4.0)
+        made(9, 1e4, wavelength=1e5, octaves=24, lacunarity=4.0)
+    with pytest.raises(ParameterError, match="wavelength = 1 m: .* use a longer one"):
+        made(9, 1e8, wavelength=1.0)
 
 
 METRICS = ("manhattan", "chebyshev", "squared", "half")
