@@ -57,7 +57,7 @@ class Stamp(Filter):
         le=1e6,
     )
     from_step: StepName | None = parameter(
-        None, "An earlier step to stamp, of any size, in place of that."
+        None, "An earlier step to stamp, of any size; it goes before stamp."
     )
     at: list[float] | None = parameter(
         None, "World x and y of the stamp's middle; the middle of the world without it.", unit="m"
@@ -96,8 +96,6 @@ class Stamp(Filter):
     def _something(self) -> Stamp:
         if self.stamp is None and self.from_step is None:
             raise ValueError("needs stamp (operators or a height) or from_step (an earlier step)")
-        if self.stamp is not None and self.from_step is not None:
-            raise ValueError("give stamp or from_step, not both; leave one out")
         return self
 
     def apply(self, surface: Heightfield, run: Run) -> Heightfield:

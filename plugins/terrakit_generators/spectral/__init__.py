@@ -130,11 +130,6 @@ class Spectral(Generator):
     def _waves(self, spacing: float) -> tuple[int, tuple[float, float]]:
         """Return the largest wave number in use and the bounds of the wave vector's length."""
         least, largest = self._band()
-        if self.period <= 2.0 * spacing:
-            raise ParameterError(
-                f"period = {self.period:g}: no wave of it is longer than two spacings "
-                f"({2.0 * spacing:g} m); raise period or use more samples"
-            )
         if 2.0 * spacing >= self.period / largest:
             largest = max(0.0, math.ceil(self.period / (2.0 * spacing)) - 1.0)
         # A stretched wave vector is longer than the part that counts
