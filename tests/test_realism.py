@@ -44,5 +44,6 @@ def test_the_noise_that_they_began_as_fails(seed: int) -> None:
     noise = execute(step.operator, recipe.grid, terrakit.Run(seed))
     analysis = terrakit.analyze(noise)
     assert analysis.count("fail") >= 2, told(analysis)
-    assert analysis.verdicts["pit_fraction"] == "fail"
-    assert analysis.verdicts["updown_asymmetry"] != "pass", told(analysis)
+    assert {"pit_fraction", "updown_asymmetry"} <= {
+        name for name, verdict in analysis.verdicts.items() if verdict == "fail"
+    }

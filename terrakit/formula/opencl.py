@@ -108,7 +108,7 @@ def compute(
 ) -> list[DeviceArray]:
     """Return the values of each formula at every sample, on the device."""
     rows, cols = shape
-    kernel = _Kernel(Plan(formulas), shape)
+    kernel = _Kernel(Plan(formulas))
     results = [device.empty(shape) for _ in formulas]
     held = [device.upload(values) for values in kernel.arguments()]
     fields = [layer.on(device) for layer in kernel.fields]
@@ -134,9 +134,8 @@ class _Kernel:
     octaves a loop has.
     """
 
-    def __init__(self, plan: Plan, shape: tuple[int, int]) -> None:
+    def __init__(self, plan: Plan) -> None:
         self.plan = plan
-        self.shape = shape
         self.names: dict[int, str] = {}
         self.constants: list[float] = []
         self.offsets: list[int] = []

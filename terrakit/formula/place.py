@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -249,13 +248,6 @@ class Place:
             return field
         spacing = self.grid.spacing
         return Formula("sample", (self.east / spacing, self.north / spacing, field))
-
-    def heightfield(self, formulas: Mapping[str, Formula]) -> Heightfield:
-        """Return the terrain whose layers are these formulas, ``elevation`` among them."""
-        names = list(formulas)
-        values = self.computed(*(formulas[name] for name in names))
-        layers = dict(zip(names, values, strict=True))
-        return Heightfield.on_grid(self.grid, layers.pop("elevation"), layers)
 
     def computed(self, *formulas: Formula) -> list[Any]:
         """Return the values of formulas at every sample, on the run's device."""

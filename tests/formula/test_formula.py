@@ -229,7 +229,7 @@ def test_another_setting_needs_no_other_kernel() -> None:
     def source(count: int, wavelength: float, seed: int) -> str:
         place = f.Place(GRID, Run(seed))
         sums = place.octaves("gradient", wavelength, count, place.words("t", seed))
-        return _Kernel(Plan([f.fbm(sums) * wavelength]), GRID.shape).source()
+        return _Kernel(Plan([f.fbm(sums) * wavelength])).source()
 
     assert source(5, 500.0, 1) == source(12, 77.0, 2)
 
@@ -297,7 +297,7 @@ def test_no_hash_decides_the_source() -> None:
         "p = f.Place(Grid((9, 9), 10.0), Run(3, 'numpy'))\n"
         "o = lambda s: p.octaves('gradient', 500.0, 5, p.words(s, 1))\n"
         "a = f.swiss(o('a'), 0.2) * f.sine(p.x) + f.fbm(o('b')) * f.jordan(o('c'), 0.4, 1.0)\n"
-        "print(hashlib.sha256(_Kernel(Plan([a, a * p.y]), (9, 9)).source().encode()).hexdigest())\n"
+        "print(hashlib.sha256(_Kernel(Plan([a, a * p.y])).source().encode()).hexdigest())\n"
     )
     said = {
         subprocess.run(
