@@ -52,7 +52,8 @@ def picture(generator: Generator, seed: int, erode: bool) -> Image.Image:
     grid = Grid((SAMPLES, SAMPLES), width / (SAMPLES - 1))
     terrain: Heightfield = execute(generator, grid, Run(seed))
     if erode:
-        for name, settings in (("stream_power", {"duration": 2e5}), ("thermal", {})):
+        years = min(2e5, 10.0 * width)  # what is small is young
+        for name, settings in (("stream_power", {"duration": years}), ("thermal", {})):
             operator = default_registry().get(name)(**settings)
             terrain = execute(operator, terrain, Run(seed))
     sea = 0.0 if generator.name in BY_THE_SEA else None
