@@ -53,7 +53,10 @@ def picture(generator: Generator, seed: int, erode: bool) -> Image.Image:
     terrain: Heightfield = execute(generator, grid, Run(seed))
     if erode:
         years = min(2e5, 10.0 * width)  # what is small is young
-        for name, settings in (("stream_power", {"duration": years}), ("thermal", {})):
+        for name, settings in (
+            ("stream_power", {"duration": years}),
+            ("thermal", {"distance": min(100.0, width / 200.0)}),
+        ):
             operator = default_registry().get(name)(**settings)
             terrain = execute(operator, terrain, Run(seed))
     sea = 0.0 if generator.name in BY_THE_SEA else None
