@@ -64,6 +64,8 @@ def execute(operator: Operator, subject: Any, run: Run) -> Any:
     run.check()
     if isinstance(operator, (Generator, Importer, Filter, Texture, Erosion)):
         _check_surface(operator, subject, result)
+    if isinstance(operator, (Filter, Texture, Erosion)):
+        result = _with_beds(subject, result)
     if isinstance(operator, Erosion) and not run.ledger.is_closed:
         raise PluginError(f"{_label(operator)}: left its ledger open")
     if isinstance(operator, Exporter):
@@ -264,6 +266,13 @@ def _check_surface(operator: Operator, subject: Any, result: Any) -> None:
     missing = [name for name in before if name not in result]
     if missing:
         raise PluginError(f"{_label(operator)}: dropped layer {missing[0]!r}")
+
+
+def _with_beds(subject: Surface, result: Surface) -> Surface:
+    """Return the result with the beds of the surface that it was made from."""
+    if result.strata is None and subject.strata is not None:
+        return result.with_strata(subject.strata)
+    return result
 
 
 def _check_moved(operator: Filter, subject: Any, result: Any) -> None:

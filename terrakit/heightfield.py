@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from terrakit.compute import Device, DeviceArray
     from terrakit.mesh import TriMesh
+    from terrakit.strata import Strata
 
 Field = NDArray[np.float32]
 """A layer on the host: float32, read-only, of the surface's shape."""
@@ -145,6 +146,8 @@ class Heightfield:
         Coordinate reference system, carried from import to export.
     layers
         Further fields of the same shape, by the names of :mod:`terrakit.layers`.
+    strata
+        The beds under the ground, whose top is the layer ``strata_datum``; None without.
 
     Raises
     ------
@@ -152,9 +155,10 @@ class Heightfield:
         If an array is not two-dimensional, real and finite, or shapes differ.
     """
 
-    __slots__ = ("_layers", "grid")
+    __slots__ = ("_layers", "grid", "strata")
 
     grid: Grid
+    strata: Strata | None
 
     def __init__(
         self,
@@ -163,12 +167,14 @@ class Heightfield:
         origin: tuple[float, float] | None = None,
         crs: str | None = None,
         layers: Mapping[str, ArrayLike | DeviceArray] | None = None,
+        strata: Strata | None = None,
     ) -> None:
         first = _layer("elevation", elevation)
         if len(first.shape) != 2:
             raise InputError(f"elevation: needs a 2-D real array, got shape {first.shape}")
         self.grid = Grid((first.shape[0], first.shape[1]), spacing, origin, crs)
         self._layers = {"elevation": first}
+        self.strata = strata
         for name, values in (layers or {}).items():
             self._layers[name] = self._fitting(name, values)
 
@@ -240,7 +246,7 @@ class Heightfield:
     def with_layers(self, **layers: ArrayLike | DeviceArray) -> Heightfield:
         """Return a heightfield with these layers added or replaced; the others are shared."""
         new = object.__new__(Heightfield)
-        new.grid = self.grid
+        new.grid, new.strata = self.grid, self.strata
         new._layers = dict(self._layers)
         for name, values in layers.items():
             new._layers[name] = self._fitting(name, values)
@@ -251,8 +257,14 @@ class Heightfield:
         if "elevation" in names:
             raise InputError("elevation: cannot be dropped from a heightfield")
         new = object.__new__(Heightfield)
-        new.grid = self.grid
+        new.grid, new.strata = self.grid, self.strata
         new._layers = {n: layer for n, layer in self._layers.items() if n not in names}
+        return new
+
+    def with_strata(self, strata: Strata | None) -> Heightfield:
+        """Return the same heightfield with other beds under it; everything else is shared."""
+        new = self.with_layers()
+        new.strata = strata
         return new
 
     def to_mesh(self) -> TriMesh:

@@ -20,6 +20,7 @@ from terrakit.errors import InputError
 
 if TYPE_CHECKING:
     from terrakit.heightfield import Field, Heightfield
+    from terrakit.strata import Strata
 
 Points = NDArray[np.float64]
 Indices = NDArray[np.int32]
@@ -69,6 +70,8 @@ class TriMesh:
         Direction against gravity, or ``"radial"`` for a planet around the origin.
     polygons
         The quads and n-gons that the triangles came from; exporters write these.
+    strata
+        The beds under the surface, whose top is the layer ``strata_datum``; None without.
 
     Raises
     ------
@@ -83,11 +86,13 @@ class TriMesh:
         layers: Mapping[str, ArrayLike] | None = None,
         up: Up = (0.0, 0.0, 1.0),
         polygons: Polygons | None = None,
+        strata: Strata | None = None,
     ) -> None:
         self.vertices: Points = _frozen(_checked_vertices(vertices))
         self.faces: Indices = _frozen(_checked_faces(faces, len(self.vertices)))
         self.up: Up = up if up == "radial" else _unit(up)
         self.polygons = polygons
+        self.strata = strata
         self._layers = {name: self._fitting(name, v) for name, v in (layers or {}).items()}
 
     @classmethod
@@ -136,7 +141,7 @@ class TriMesh:
         quads = np.stack((nw, sw, se, ne), axis=-1).ravel().astype(np.int32)
         polygons = Polygons(np.full(nw.size, 4, np.int32), quads)
         layers = {n: terrain.layer(n).ravel() for n in terrain if n != "elevation"}
-        return cls(vertices, faces, layers, polygons=polygons)
+        return cls(vertices, faces, layers, polygons=polygons, strata=terrain.strata)
 
     @property
     def layers(self) -> Mapping[str, Field]:
@@ -182,6 +187,12 @@ class TriMesh:
         new = self._sibling()
         for name, values in layers.items():
             new._layers[name] = self._fitting(name, values)
+        return new
+
+    def with_strata(self, strata: Strata | None) -> TriMesh:
+        """Return the same mesh with other beds under it; everything else is shared."""
+        new = self._sibling()
+        new.strata = strata
         return new
 
     def raised(self, amount: NDArray[np.float64]) -> TriMesh:

@@ -282,10 +282,12 @@ def explain(error: ValidationError, model: type[BaseModel], where: str) -> str:
     if problem["type"] == "extra_forbidden" and len(path) == 1:
         hint = suggestion(name, list(model.model_fields))
         return f"{where}: unknown parameter '{name}'{hint}{more}"
+    field = model.model_fields.get(name)
+    if field is not None and _lists_tables(field.annotation) and len(path) > 2:
+        return f"{where}: {_inside(path, problem)}{more}"
     if problem["type"] == "missing":
         return f"{where}: {name} is missing{more}"
     value = problem["input"]
-    field = model.model_fields.get(name)
     inside = "".join(f"[{part + 1}]" for part in path[1:] if isinstance(part, int))
     if problem["type"] in _WITHIN_LISTS and (inside or "length" in _WITHIN_LISTS[problem["type"]]):
         wanted = _WITHIN_LISTS[problem["type"]].format(**error.errors()[0].get("ctx", {}))
@@ -296,6 +298,27 @@ def explain(error: ValidationError, model: type[BaseModel], where: str) -> str:
     message = problem["msg"].removeprefix("Value error, ")
     shown = f"{name} = {_short(value)}: " if name else ""
     return f"{where}: {shown}{message}{more}"
+
+
+def _lists_tables(annotation: Any) -> bool:
+    """Return whether a parameter is a list of tables, each with keys of its own."""
+    arguments = typing.get_args(annotation)
+    return (
+        typing.get_origin(annotation) is list
+        and isinstance(arguments[0], type)
+        and issubclass(arguments[0], BaseModel)
+    )
+
+
+def _inside(path: list[str | int], problem: typing.Any) -> str:
+    """Return what is wrong with a key of one of a parameter's tables."""
+    place = f"{path[0]}[{int(path[1]) + 1}].{'.'.join(map(str, path[2:]))}"
+    if problem["type"] == "missing":
+        return f"{place} is missing"
+    if problem["type"] == "extra_forbidden":
+        return f"{place} = {_short(problem['input'])}: is no such key; leave it out"
+    message = problem["msg"].removeprefix("Value error, ").replace("Input should", "must", 1)
+    return f"{place} = {_short(problem['input'])}: {message}"
 
 
 def type_text(annotation: Any) -> str:

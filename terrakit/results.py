@@ -18,6 +18,7 @@ from terrakit.errors import OutputError
 from terrakit.heightfield import Heightfield
 from terrakit.mesh import Polygons, TriMesh
 from terrakit.operators import Surface
+from terrakit.strata import Strata
 
 LARGEST_CACHE = 2 * 2**30
 """Bytes that the cache may hold; the results unused for longest go first."""
@@ -49,6 +50,8 @@ class ResultCache:
     def store(self, key: str, surface: Surface, ledger: dict[str, Any]) -> None:
         """Keep a surface and the ledger of the step that made it."""
         about: dict[str, Any] = {"type": type(surface).__name__, "ledger": ledger}
+        if surface.strata is not None:
+            about["strata"] = surface.strata.to_dict()
         if isinstance(surface, Heightfield):
             about |= {"spacing": surface.spacing, "origin": surface.origin, "crs": surface.crs}
             arrays = {f"layer_{name}": surface.layer(name) for name in surface}
@@ -91,14 +94,15 @@ class ResultCache:
 
 
 def _rebuilt(about: dict[str, Any], arrays: dict[str, Any]) -> Surface:
+    strata = Strata.from_dict(about.get("strata"))
     layers = {n.removeprefix("layer_"): a for n, a in arrays.items() if n.startswith("layer_")}
     if about["type"] == "Heightfield":
         elevation = layers.pop("elevation")
         return Heightfield(
-            elevation, about["spacing"], tuple(about["origin"]), about["crs"], layers
+            elevation, about["spacing"], tuple(about["origin"]), about["crs"], layers, strata
         )
     polygons = None
     if "polygon_counts" in arrays:
         polygons = Polygons(arrays["polygon_counts"], arrays["polygon_indices"])
     up: Any = about["up"] if isinstance(about["up"], str) else tuple(about["up"])
-    return TriMesh(arrays["vertices"], arrays["faces"], layers, up, polygons)
+    return TriMesh(arrays["vertices"], arrays["faces"], layers, up, polygons, strata)

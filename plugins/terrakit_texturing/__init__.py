@@ -15,9 +15,11 @@ def terrakit_textures() -> list[type[Texture]]:
     from terrakit_texturing.height_mask import HeightMask
     from terrakit_texturing.image_mask import ImageMask
     from terrakit_texturing.noise_mask import NoiseMask
+    from terrakit_texturing.outcrop import Outcrop
     from terrakit_texturing.polygon_mask import PolygonMask
     from terrakit_texturing.slope_height import SlopeHeight
     from terrakit_texturing.slope_mask import SlopeMask
+    from terrakit_texturing.strata import LayStrata
 
     return [
         AspectMask,
@@ -25,7 +27,9 @@ def terrakit_textures() -> list[type[Texture]]:
         DistanceMask,
         HeightMask,
         ImageMask,
+        LayStrata,
         NoiseMask,
+        Outcrop,
         PolygonMask,
         SlopeHeight,
         SlopeMask,

@@ -13,6 +13,7 @@ from terrakit.mesh import TriMesh
 from terrakit.operators import Generator, Operator, Surface
 from terrakit.parameters import parameter
 from terrakit.running import Run
+from terrakit.strata import Bed, Strata
 
 SHAPES = ((3, 3), (17, 5), (5, 17), (33, 33), (64, 48), (65, 129))
 """Rows and columns: smallest, narrow, power of two plus one, non-square, more than one group."""
@@ -20,6 +21,16 @@ CORNERS = {"north west": 400.0, "north east": 300.0, "south east": 200.0, "south
 """Heights of the four spikes of :func:`compass_terrain`, metres."""
 
 Turn = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+
+BEDS = Strata(
+    beds=(
+        Bed(material="limestone", thickness=6.0),
+        Bed(material="shale", thickness=9.0),
+        Bed(material="sandstone", thickness=4.0),
+    ),
+    repeated=True,
+)
+"""Beds thin enough that any rough terrain meets them all."""
 
 
 class Level(Generator):
@@ -127,6 +138,8 @@ def irregular_mesh(size: int = 15, spacing: float = 10.0) -> TriMesh:
 def with_layers(operator: type[Operator], surface: Surface, *, used: bool = True) -> Surface:
     """Return ``surface`` with every layer that the operator reads (and uses), and one bystander.
 
+    Where ``strata_datum`` is among them, there are beds of rock too.
+
     The bystander is ``mask_bystander``; the operator must hand it on untouched.
     """
     wanted = (*operator.reads, *(operator.uses if used else ()))
@@ -140,6 +153,8 @@ def with_layers(operator: type[Operator], surface: Surface, *, used: bool = True
     for name in families:  # weights sum to 1
         fields[name] = np.full(surface.elevation.shape, 1.0 / len(families), dtype=np.float32)
     fields["mask_bystander"] = _field("mask_bystander", surface, 99)
+    if "strata_datum" in wanted:
+        surface = surface.with_strata(BEDS)
     return surface.with_layers(**fields)
 
 
@@ -164,7 +179,9 @@ def turns() -> Iterator[tuple[str, Turn, Turn]]:
 def turned(terrain: Heightfield, turn: Turn) -> Heightfield:
     """Return a terrain with every layer turned, its grid still where a new terrain's would be."""
     layers = {name: turn(terrain.layer(name)) for name in terrain if name != "elevation"}
-    return Heightfield(turn(terrain.elevation), terrain.spacing, layers=layers)
+    return Heightfield(
+        turn(terrain.elevation), terrain.spacing, layers=layers, strata=terrain.strata
+    )
 
 
 def crop(terrain: Heightfield, top: int, left: int, rows: int, cols: int) -> Heightfield:
@@ -177,6 +194,7 @@ def crop(terrain: Heightfield, top: int, left: int, rows: int, cols: int) -> Hei
         (x + left * terrain.spacing, y - top * terrain.spacing),
         terrain.crs,
         {name: terrain.layer(name)[part] for name in terrain if name != "elevation"},
+        terrain.strata,
     )
 
 

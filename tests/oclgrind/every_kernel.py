@@ -39,6 +39,7 @@ from terrakit_generators.midpoint_displacement import MidpointDisplacement
 from terrakit_generators.plates import Plates
 from terrakit_generators.spectral import Spectral
 from terrakit_generators.square_square import SquareSquare
+from terrakit_texturing.strata import LayStrata
 
 SHAPES = ((3, 3), (16, 16), (17, 5))
 
@@ -80,6 +81,10 @@ def main(listing: Path) -> None:
         terrain = terrain.with_layers(hardness=hardness)
         for operator in (*operators(), *filters(min(shape))):
             both(operator, terrain)
+        layered = both(LayStrata(beds=[{"material": "shale", "thickness": 7.0}] * 3), terrain)
+        lift = {"layer": "hardness", "low": 0.0, "high": 1e-3}
+        both(StreamPower(duration=5e4), layered)
+        both(StreamPower(duration=5e4, erodibility=lift, uplift_rate=lift), layered)
         both(Thermal(iterations=2), terrain.to_mesh())
         both(Subdivide(amplitude=20.0, smoothing="butterfly"), terrain.to_mesh())
         routed(terrain)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.lib import format as npy
+from numpy.typing import NDArray
 
 from terrakit.atomic import atomic_path
 from terrakit.errors import InputError
@@ -18,14 +20,15 @@ from terrakit.provenance import terrakit_version
 
 if TYPE_CHECKING:
     from terrakit.running import Run
+    from terrakit.strata import Strata
 
-RESERVED = ("spacing", "origin", "crs", "terrakit")
+RESERVED = ("spacing", "origin", "crs", "strata", "terrakit")
 EPOCH = (1980, 1, 1, 0, 0, 0)
 UNIX = 3
 
 
 class Npz(Exporter):
-    """Write elevation, layers, spacing, origin and CRS as a NumPy archive."""
+    """Write elevation, layers, strata, spacing, origin and CRS as a NumPy archive."""
 
     name: ClassVar[str] = "npz"
     suffix: ClassVar[str] = ".npz"
@@ -47,6 +50,7 @@ class Npz(Exporter):
             "spacing": np.array(surface.spacing),
             "origin": np.array(surface.origin),
             **({"crs": np.array(surface.crs)} if surface.crs else {}),
+            **({"strata": _column(surface.strata)} if surface.strata else {}),
         }
         with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w", method) as archive:
             for name in (*about, *surface):
@@ -58,3 +62,8 @@ class Npz(Exporter):
                 with archive.open(member, "w", force_zip64=True) as stream:
                     npy.write_array(stream, np.asanyarray(values), (1, 0), allow_pickle=False)
         return [path]
+
+
+def _column(strata: Strata) -> NDArray[Any]:
+    """Return the beds as the text that the archive holds."""
+    return np.array(json.dumps(strata.to_dict(), sort_keys=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import lzma
 import struct
 import zipfile
@@ -18,6 +19,7 @@ from terrakit.errors import InputError
 from terrakit.heightfield import Heightfield
 from terrakit.layers import layer_kind
 from terrakit.parameters import parameter
+from terrakit.strata import Strata
 from terrakit_files.grid_import import GridImporter, RawGrid
 
 if TYPE_CHECKING:
@@ -111,6 +113,8 @@ class Numpy(GridImporter):
             wanted = MARK in heads or layer_kind(name) is not None
             if name != chosen and wanted and its_shape == terrain.shape and kind.kind in "fiub":
                 layers[name] = read(name)
+        if MARK in heads and _is_scalar(heads, "strata"):
+            terrain = terrain.with_strata(_beds(path, str(read("strata")[()])))
         return terrain.with_layers(**layers) if layers else terrain
 
     def _chosen(self, path: Path, heads: dict[str, tuple[tuple[int, ...], np.dtype[Any]]]) -> str:
@@ -177,6 +181,15 @@ def _header(path: Path, stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[An
     if kind.hasobject:
         raise InputError(f"{path.name}: holds pickled objects, which are never run; save numbers")
     return shape, kind
+
+
+def _beds(path: Path, text: str) -> Strata | None:
+    """Return the column of beds that an archive of terrakit's own holds."""
+    try:
+        return Strata.from_dict(json.loads(text))
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:100]
+        raise InputError(f"{path.name}: strata: are no beds ({reason})") from None
 
 
 def _peek(

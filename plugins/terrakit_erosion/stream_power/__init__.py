@@ -15,6 +15,7 @@ from terrakit.operators import Erosion
 from terrakit.parameters import Maskable, Schedule, Seed, parameter
 from terrakit.quanta import Quanta
 from terrakit.running import Run
+from terrakit.strata import Exposure
 
 SIDES = ("north", "south", "west", "east")
 MOST_SHARE = 0.15
@@ -41,7 +42,9 @@ class StreamPower(Erosion):
     -----
     Rivers leave where the border is lowest, one within each ``outlet_spacing``; there, and below
     the sea level, the height is held. ``outlets = "border"`` holds the whole border instead. What
-    streams cut is carried out of the map; fans and deltas are not built.
+    streams cut is carried out of the map; fans and deltas are not built. Beds of rock rise with the
+    land, and each is cut as its erodibility says; loose material is not told from rock, but what
+    creep lays down on it is added to it and what is cut comes off it.
 
     References
     ----------
@@ -51,8 +54,8 @@ class StreamPower(Erosion):
     """
 
     name = "stream_power"
-    writes = ("elevation", "drainage_area", "erosion")
-    uses = ("erosion",)
+    writes = ("elevation", "drainage_area", "erosion", "sediment", "strata_datum")
+    uses = ("erosion", "sediment", "strata_datum")
     cites = (
         "Braun & Willett 2013",
         "Cordonnier, Bovy & Braun 2019",
@@ -122,6 +125,7 @@ class StreamPower(Erosion):
             )
         time_step = self.duration / max(1, steps)
         plan = self._plan(surface, run, time_step)
+        exposure = Exposure(surface, plan.quanta, run)
         if 2 * plan.sweeps * steps > MOST_SWEEPS:
             raise ParameterError(
                 f"diffusivity = {self.diffusivity:g}: creep takes {2 * plan.sweeps * steps} sweeps "
@@ -142,22 +146,36 @@ class StreamPower(Erosion):
             rate = np.asarray(self.value("uplift_rate", surface, fraction), dtype=np.float64)
             lifted = lifted + rate * time_step
             uplift = np.rint(lifted / plan.quanta.quantum).astype(np.int64) - risen
-            model.step(strength, uplift.astype(np.int32))
+            if exposure.present:
+                model.step(
+                    exposure.field("erodibility", model.ground, strength), uplift.astype(np.int32)
+                )
+                exposure.rise(uplift.astype(np.int32))
+            else:
+                model.step(strength, uplift.astype(np.int32))
             risen = risen + uplift
             run.offer(lambda: surface.with_layers(elevation=plan.heights(model.height())))
         end, area = model.height(), model.drainage_area()
         incised, received = model.removed()
+        lifted_beds = risen * plan.quanta.quantum
         risen = np.where(plan.outlet != 0, 0, risen)
         self._book(run, plan, end, risen, incised, received, model.outlet_of_cells())
         if steps == 0:
             return surface
         eroded = np.maximum(risen + plan.start - end, 0) * plan.quanta.quantum
         before = surface.layer("erosion") if "erosion" in surface else np.float32(0)
-        return surface.with_layers(
-            elevation=plan.heights(end),
-            drainage_area=area.astype(np.float32) * np.float32(surface.cell_area),
-            erosion=before + eroded.astype(np.float32),
-        )
+        layers = {
+            "elevation": plan.heights(end),
+            "drainage_area": area.astype(np.float32) * np.float32(surface.cell_area),
+            "erosion": before + eroded.astype(np.float32),
+        }
+        if "sediment" in surface:
+            gained = plan.quanta.metres(end - plan.start - risen)
+            layers["sediment"] = np.maximum(surface.layer("sediment") + gained, np.float32(0))
+        if exposure.present:
+            datum = surface.layer("strata_datum").astype(np.float64) + lifted_beds
+            layers["strata_datum"] = datum.astype(np.float32)
+        return surface.with_layers(**layers)
 
     def _strength(
         self, surface: Heightfield, time_step: float, fraction: float = 0.0
@@ -201,7 +219,8 @@ class StreamPower(Erosion):
             outlet=self._outlets(surface, start, run.sea_level),
             quanta=quanta,
             spacing=surface.spacing,
-            one_erodibility=isinstance(self.erodibility, (int, float, Schedule)),
+            one_erodibility=isinstance(self.erodibility, (int, float, Schedule))
+            and (surface.strata is None or "strata_datum" not in surface),
             one_uplift=isinstance(self.uplift_rate, (int, float, Schedule)),
             exponents=(self.area_exponent, self.slope_exponent),
             sweeps=sweeps,

@@ -21,6 +21,11 @@ class NumpyModel:
         self._received = np.zeros(plan.start.shape, dtype=np.int64)
         self._routing: Routing[NDArray[np.int32]] | None = None
 
+    @property
+    def ground(self) -> NDArray[np.int32]:
+        """The heights now, quanta."""
+        return self._height
+
     def step(self, erodibility: NDArray[np.float32], uplift: NDArray[np.int32]) -> None:
         """Creep for half the time, route and cut, creep for the other half.
 

@@ -38,14 +38,25 @@ class OpenCLModel:
         self._received = device.zeros(shape, np.int64)
         self._routing: Routing[DeviceArray] | None = None
 
-    def step(self, erodibility: NDArray[np.float32], uplift: NDArray[np.int32]) -> None:
+    @property
+    def ground(self) -> DeviceArray:
+        """The heights now, quanta, on the device."""
+        return self._now
+
+    def step(
+        self, erodibility: NDArray[np.float32] | DeviceArray, uplift: NDArray[np.int32]
+    ) -> None:
         """Creep for half the time, route and cut, creep for the other half.
 
         Erodibility is K times the time step, uplift is in quanta; of every cell or one.
         """
         plan = self._plan
-        if self._erodibility is None or self._erodibility[0] is not erodibility:
-            self._erodibility = erodibility, self._device.upload(erodibility)
+        if isinstance(erodibility, DeviceArray):
+            power = erodibility
+        else:
+            if self._erodibility is None or self._erodibility[0] is not erodibility:
+                self._erodibility = erodibility, self._device.upload(erodibility)
+            power = self._erodibility[1]
         self._creep()
         cols = plan.start.shape[1]
         self._routing = self._route()
@@ -54,7 +65,7 @@ class OpenCLModel:
             self._program,
             "stream_power_incise",
             *(self._routing.area, self._outlet, self._now, self._after, self._incised),
-            *(self._erodibility[1], self._device.upload(uplift)),
+            *(power, self._device.upload(uplift)),
             *(np.float32(value) for value in (plan.spacing**2, *plan.exponents, plan.spacing)),
             *(np.float32(plan.quanta.quantum), np.int32(cols)),
         )
