@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     )
     from terrakit.recipe import load_recipe
     from terrakit.running import Progress, Run
-    from terrakit.sources import Chain, Source
+    from terrakit.sources import Chain, Source, Steps
 
 _HOMES = {
     "terrakit.api": "analyze apply erode export generate load run texture",
@@ -51,7 +51,7 @@ _HOMES = {
     "terrakit.parameters": "FilePath FromLayer Maskable Schedule Seed StepName parameter",
     "terrakit.recipe": "load_recipe",
     "terrakit.running": "Progress Run",
-    "terrakit.sources": "Chain Source",
+    "terrakit.sources": "Chain Source Steps",
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names.split()}
 
@@ -92,6 +92,7 @@ __all__ = [  # noqa: RUF022  (sorted as people read, case aside)
     "Seed",
     "Source",
     "StepName",
+    "Steps",
     "TerrakitError",
     "texture",
     "Texture",

@@ -7,10 +7,13 @@ checks, so it shows what the scheme lost.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 STORES = ("rock", "sediment", "water")
+ROUNDING = "rounding"
+"""Under what an account holds what rounding changed between two operators."""
 
 
 @dataclass
@@ -29,6 +32,12 @@ class Account:
         if self.end is None:
             raise RuntimeError("the account is still open")
         return self.end - (self.start + sum(self.came.values()) - sum(self.left.values()))
+
+    def book(self, name: str, volume: float) -> None:
+        """Book what came (> 0) or left (< 0) under one name, as one sum of either sign."""
+        total = self.came.pop(name, 0.0) - self.left.pop(name, 0.0) + volume
+        if total:
+            (self.came if total > 0 else self.left)[name] = abs(total)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the account as JSON holds it."""
@@ -67,6 +76,38 @@ class Ledger:
         account = self.accounts[store]
         account.end = float(volume)
         account.moved = float(moved)
+
+    def follow(self, later: Ledger, rounding: Callable[[], float]) -> None:
+        """Go on with the accounts of what was done next to the same ground.
+
+        What came, left and moved is added up; an account begins where the first began and ends
+        where the last ended. Between two of them the ground was rounded to float32, and counted in
+        other quanta perhaps: a gap that this explains is booked as ``rounding``. Any other gap
+        is nobody's, and stays to be seen in the residual.
+
+        Parameters
+        ----------
+        later
+            Accounts, all of them closed.
+        rounding
+            Asked for the largest gap (m3) that rounding explains, where there is a gap.
+        """
+        for store, account in later.accounts.items():
+            mine = self.accounts.get(store)
+            if mine is None:
+                mine = self.accounts[store] = Account(account.start)
+            elif mine.end is not None:
+                gap = account.start - mine.end
+                if gap and abs(gap) <= rounding():
+                    mine.book(ROUNDING, gap)
+            came, left = dict(account.came), dict(account.left)
+            mine.book(ROUNDING, came.pop(ROUNDING, 0.0) - left.pop(ROUNDING, 0.0))
+            for source, volume in came.items():
+                self.came(store, source, volume)
+            for sink, volume in left.items():
+                self.left(store, sink, volume)
+            mine.end = account.end
+            mine.moved += account.moved
 
     @property
     def is_closed(self) -> bool:

@@ -18,8 +18,8 @@ from pydantic_core.core_schema import ValidationInfo
 from terrakit.errors import ParameterError
 from terrakit.heightfield import Grid, Heightfield
 from terrakit.mesh import TriMesh
-from terrakit.parameters import check_bounds, explain, members_of, resolve
-from terrakit.sources import Chain, is_chain_like
+from terrakit.parameters import check_bounds, explain, multiplied, resolve
+from terrakit.sources import is_nested, nested_type
 
 if TYPE_CHECKING:
     import numpy as np
@@ -116,7 +116,7 @@ class Operator(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _as_meant(cls, settings: Any) -> Any:
-        """Take 1e3 for 1000 where a whole number is wanted, and nested tables for a chain."""
+        """Take 1e3 for 1000 where a whole number is wanted, and nested tables for operators."""
         if not isinstance(settings, dict):
             return settings
         taken = dict(settings)
@@ -130,11 +130,9 @@ class Operator(BaseModel):
                 and value == int(value)
             ):
                 taken[name] = int(value)
-            if field is not None and Chain in members_of(field.annotation) and is_chain_like(value):
-                try:
-                    taken[name] = Chain.read(value)
-                except ParameterError as error:
-                    raise ValueError(f"{name}: {error}") from None
+            kind = nested_type(field.annotation) if field is not None else None
+            if kind is not None and is_nested(value, kind):
+                taken[name] = kind.read(value, name)
         return taken
 
     @field_validator("*", mode="after")
@@ -201,11 +199,32 @@ class Erosion(Operator):
 
     refinement_tolerance: ClassVar[float | None] = 0.35
     """How much of the change may differ when the samples are doubled; None where all of it may."""
+    lasts: ClassVar[dict[str, float]] = {}
+    """Parameters that say how long it works, each with the power of time that it goes with.
+
+    ``{"duration": 1.0}`` for years or iterations, ``{"distance": 0.5}`` for the reach of what
+    spreads like diffusion. By them a wrapper shares the time out; see :meth:`portion`.
+    """
 
     @abstractmethod
     def erode(self, surface: Any, run: Run) -> Any:
         """Return the surface after erosion; the input is not touched."""
         raise NotImplementedError
+
+    def portion(self, start: float, end: float) -> Self:
+        """Return the erosion with the part of its time from ``start`` to ``end``, 0 to 1.
+
+        What ``lasts`` names is cut down; parts that follow each other take the whole time together.
+        Whoever declares none comes back as it is.
+        """
+        changed: dict[str, Any] = {}
+        for name, power in self.lasts.items():
+            value, field = getattr(self, name), type(self).model_fields[name]
+            if field.annotation in (int, int | None) and value is not None:
+                changed[name] = round(value * end) - round(value * start)
+            else:
+                changed[name] = multiplied(name, field, value, (end - start) ** power)
+        return self.model_copy(update=changed) if changed else self
 
     def __call__(self, surface: Any, run: Run | None = None) -> Any:
         """Erode with a run of its own: ``Thermal(talus_angle=33)(terrain)``."""

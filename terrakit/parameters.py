@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from pydantic.fields import FieldInfo
 
 from terrakit.errors import ParameterError
-from terrakit.sources import Chain, Source
+from terrakit.sources import Chain, Source, Steps
 
 if TYPE_CHECKING:
     import numpy as np
@@ -329,6 +329,8 @@ def type_text(annotation: Any) -> str:
         return "a number, an earlier step's name or a nested step"
     if annotation is Chain:
         return "a nested step"
+    if annotation is Steps:
+        return "a list of nested steps"
     if typing.get_origin(annotation) is Annotated:
         return type_text(typing.get_args(annotation)[0])
     if annotation == Seed:
@@ -369,6 +371,34 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def multiplied(name: str, field: FieldInfo, value: Any, factor: float) -> Any:
+    """Return a setting that means ``factor`` times as much: of a number, a schedule or a layer.
+
+    Raises
+    ------
+    ParameterError
+        If the values come from a nested step, or from a layer without a bound to scale it by.
+    """
+    if isinstance(value, FromLayer):
+        ends = {"low": value.low * factor, "high": value.high * factor}
+        return value.model_copy(update=ends)
+    if isinstance(value, Schedule):
+        return value.model_copy(update={"value": [number * factor for number in value.value]})
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return value * factor
+    largest = bounds_of(field).get("maximum", math.inf)
+    if isinstance(value, str) and is_maskable(field.annotation) and math.isfinite(largest):
+        least = max(bounds_of(field).get("minimum", -largest), -largest)
+        ends = {"low": least * factor, "high": largest * factor}
+        return FromLayer(layer=value, at=[least, largest], **ends)
+    if isinstance(value, (str, Chain)):
+        raise ParameterError(
+            f"{name} = '{value}': cannot be shared out; give a number, a schedule or a layer with "
+            "low and high"
+        )
+    return value
+
+
 def resolve(
     model: BaseModel, name: str, surface: Surface | Grid, fraction: float = 0.0
 ) -> float | NDArray[np.float32]:
@@ -383,7 +413,8 @@ def resolve(
     surface
         The terrain whose layers it may name; a generator's grid, where names are those of steps.
     fraction
-        How much of the run is done, for schedules.
+        How much of the operator's own work is done, for schedules; inside a loop they go on over
+        the whole of it, see :attr:`terrakit.running.Run.span`.
 
     Raises
     ------
@@ -395,9 +426,9 @@ def resolve(
     value = getattr(model, name)
     if isinstance(value, (int, float)):
         return float(value)
-    if isinstance(value, Schedule):
-        return value.during(fraction)
     run = active_run()
+    if isinstance(value, Schedule):
+        return value.during(fraction if run is None else run.moment(fraction))
     if isinstance(value, Chain):
         what, field = f"'{value}'", _chained(name, value, surface, run)
     else:

@@ -423,12 +423,33 @@ def _apply(
 
 
 def _put(table: dict[str, Any], path: str, value: Any, where: str) -> None:
-    """Put a value into a step's table, or into a table nested in it: ``other.wavelength``."""
+    """Put a value into a step's table, or into a table nested in it: ``other.wavelength``.
+
+    In a list of tables a number from 1 says which is meant, or the operator's name where one
+    table uses it: ``steps.2.distance``, ``steps.thermal.distance``.
+    """
     name, dot, rest = path.partition(".")
     if not dot:
         table[name] = value
         return
     nested = table.get(name)
+    if isinstance(nested, list) and all(isinstance(link, dict) for link in nested):
+        which, dot, rest = rest.partition(".")
+        uses = [link.get("use") for link in nested]
+        if which.isdecimal() and 1 <= int(which) <= len(nested):
+            index = int(which) - 1
+        elif uses.count(which) == 1:
+            index = uses.index(which)
+        else:
+            held = ", ".join(f"{number} {use}" for number, use in enumerate(uses, start=1))
+            raise RecipeError(f"{where}: '{name}' has no single '{which}'; say which of: {held}")
+        table[name] = links = list(nested)  # what was handed in is not ours to change
+        if not dot:
+            links[index] = value
+            return
+        links[index] = dict(nested[index])
+        _put(links[index], rest, value, where)
+        return
     if not isinstance(nested, dict):
         raise RecipeError(f"{where}: '{name}' is no table here; give all of it: {name} = {{ ... }}")
     table[name] = nested = dict(nested)  # what was handed in is not ours to change

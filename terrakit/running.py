@@ -111,6 +111,10 @@ class Run:
         self.world = world
         self.earlier: Mapping[str, Surface] = dict(earlier or {})
         self.folder = folder
+        self.span = (0.0, 1.0)
+        """The part of a larger work that this is, from 0 to 1: what schedules run over."""
+        self.passes: tuple[int, ...] = ()
+        """Which pass of which loop this is, outermost first: later ones draw other numbers."""
         self.ledger = Ledger()
         self.step = ""
         self._device = device
@@ -140,7 +144,7 @@ class Run:
             self._opened = Device(self.device_info, self._work_group)
         return self._opened
 
-    def words(self, stream: str, seed: Seed = 0) -> tuple[int, int]:
+    def words(self, stream: str, seed: Seed = 0, *, lasting: bool = False) -> tuple[int, int]:
         """Return the seed of one stream of random numbers, as two 32-bit words.
 
         Parameters
@@ -149,8 +153,19 @@ class Run:
             A constant name, usually the operator's; a new stream never shifts another.
         seed
             The operator's own ``seed`` parameter.
+        lasting
+            Whether the numbers belong to the ground, as its roughness does, and not to an event,
+            such as rain: then they stay the same from pass to pass of a loop.
         """
-        return seed_words(self.seed, stream, seed)
+        passes = () if lasting else self.passes
+        while passes and not passes[-1]:  # the first pass draws what a step alone would
+            passes = passes[:-1]
+        return seed_words(self.seed, stream, seed, *passes)
+
+    def moment(self, fraction: float) -> float:
+        """Return how much of the whole work is done when this ``fraction`` of the run is."""
+        start, end = self.span
+        return start + fraction * (end - start)
 
     def for_step(self, name: str) -> Run:
         """Return a run for one step: its own ledger and clock, the same seed, device and cancel."""
@@ -290,6 +305,7 @@ class Run:
         for operator in chain.operators:
             child = self.for_step(f"{self.step}: {operator.name}" if self.step else operator.name)
             child.on_preview = None
+            child.span, child.passes = (0.0, 1.0), ()  # made once, whatever pass asks for it
             subject = execute(operator, subject, child)
         made: Heightfield = subject  # type: ignore[assignment]
         if made.grid != grid:

@@ -9,8 +9,10 @@ from terrakit.recipe import MOST_STEPS, Header
 from terrakit.registry import Registry, default_registry
 from terrakit.sources import MOST_LINKS
 
-NESTED = ("generator", "filter", "erosion", "texture")
-"""Kinds of operator that may stand in a parameter of another."""
+CHAINED = ("generator", "filter", "erosion", "texture")
+"""Kinds of operator that may stand in a chain."""
+STEPS = ("filter", "erosion", "texture")
+"""Kinds of operator that may stand in the steps of a loop, if they keep the grid."""
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
@@ -45,15 +47,19 @@ def recipe_schema(registry: Registry | None = None) -> dict[str, Any]:
     registry = registry or default_registry()
     definitions: dict[str, Any] = {}
     alternatives: list[dict[str, str]] = []
-    nested: list[dict[str, str]] = []
+    chained: list[dict[str, str]] = []
+    steps: list[dict[str, str]] = []
     for operator in registry.operators():
         step = _step_schema(operator)
         definitions |= step.pop("$defs", {})
         definitions[f"step_{operator.name}"] = step
         alternatives.append({"$ref": f"#/$defs/step_{operator.name}"})
-        if operator.kind in NESTED:
-            nested.append({"$ref": f"#/$defs/step_{operator.name}"})
-    definitions["Chain"] = _chain_schema(nested)
+        if operator.kind in CHAINED:
+            chained.append({"$ref": f"#/$defs/step_{operator.name}"})
+        if operator.kind in STEPS and not getattr(operator, "changes_grid", False):
+            steps.append({"$ref": f"#/$defs/step_{operator.name}"})
+    definitions["Chain"] = _nested_schema("Chain", "A terrain made on the spot.", chained)
+    definitions["Steps"] = _nested_schema("Steps", "What is done to the terrain.", steps)
     header = _tidied(Header.model_json_schema())
     return {
         "$schema": DIALECT,
@@ -75,12 +81,12 @@ def recipe_schema(registry: Registry | None = None) -> dict[str, Any]:
     }
 
 
-def _chain_schema(steps: list[dict[str, str]]) -> dict[str, Any]:
-    """Return the schema of a chain: one of these steps without a name, or a list of them."""
+def _nested_schema(title: str, meaning: str, steps: list[dict[str, str]]) -> dict[str, Any]:
+    """Return the schema of nested operators: one of these steps, without a name, or a list."""
     unwanted = [{"required": [key]} for key in ("name", "input")]
     link = {"type": "object", "oneOf": steps, "not": {"anyOf": unwanted}}
     links = {"type": "array", "minItems": 1, "maxItems": MOST_LINKS, "items": link}
-    return {"title": "Chain", "description": "A terrain made on the spot.", "anyOf": [link, links]}
+    return {"title": title, "description": meaning, "anyOf": [link, links]}
 
 
 def _step_schema(operator: type[Operator]) -> dict[str, Any]:

@@ -147,7 +147,7 @@ def relief_image(
 
 def suggested_exaggeration(elevation: NDArray[np.floating], spacing: float) -> float:
     """Return the factor that gives a terrain's steeper slopes a good contrast, 0.5 to 20."""
-    slope = np.hypot(*_gradient(np.asarray(elevation, dtype=np.float32), spacing))
+    slope = np.hypot(*gradient(np.asarray(elevation, dtype=np.float32), spacing))
     steep = float(np.quantile(slope, 0.9)) if slope.size else 0.0
     return min(max(1.0 / max(steep, 1e-6), 0.5), 20.0) if steep > 1e-6 else 1.0
 
@@ -162,9 +162,19 @@ def blurred(values: NDArray[np.floating], radius: int) -> Floats:
     return field.astype(np.float32)
 
 
+def gradient(height: Floats, spacing: float) -> tuple[Floats, Floats]:
+    """Return the rise to the east and to the south, metres a metre."""
+    east, south = np.zeros_like(height), np.zeros_like(height)
+    if height.shape[1] > 1:
+        east = np.gradient(height, np.float32(spacing), axis=1).astype(np.float32)
+    if height.shape[0] > 1:
+        south = np.gradient(height, np.float32(spacing), axis=0).astype(np.float32)
+    return east, south
+
+
 def _direct_light(height: Floats, spacing: float, azimuth: float, altitude: float) -> Floats:
     """Lambert's law under a main light and two weak ones 60 degrees to its sides."""
-    east, south = _gradient(height, spacing)
+    east, south = gradient(height, spacing)
     length = np.sqrt(east * east + south * south + np.float32(1.0))
     up = math.sin(math.radians(altitude))
     flat = math.cos(math.radians(altitude))
@@ -204,16 +214,6 @@ def _aerial_contrast(height: Floats, sea_level: float | None) -> Floats:
     if sea_level is not None:
         contrast[height < sea_level] = UNDER_WATER
     return contrast
-
-
-def _gradient(height: Floats, spacing: float) -> tuple[Floats, Floats]:
-    """Return the rise to the east and to the south, metres a metre."""
-    east, south = np.zeros_like(height), np.zeros_like(height)
-    if height.shape[1] > 1:
-        east = np.gradient(height, np.float32(spacing), axis=1).astype(np.float32)
-    if height.shape[0] > 1:
-        south = np.gradient(height, np.float32(spacing), axis=0).astype(np.float32)
-    return east, south
 
 
 def _land_colours(land: Floats, shore: float | None) -> Floats:

@@ -150,11 +150,14 @@ def _default_text(field: FieldInfo) -> str:
 
 def _metavar(field: FieldInfo) -> str:
     from terrakit.parameters import is_maskable, is_source, is_step_name
+    from terrakit.sources import nested_type
 
     if is_maskable(field.annotation):
         return "number|layer|table"
     if is_source(field.annotation):
         return "number|file|table"
+    if nested_type(field.annotation) is not None:
+        return "tables"
     if is_step_name(field):
         return "file"
     members = _members(field.annotation)

@@ -25,13 +25,13 @@ from terrakit.parameters import (
     unit_of,
 )
 from terrakit.registry import FAMILIES, check_declaration, default_registry
-from terrakit.sources import Chain
+from terrakit.sources import Chain, Steps
 from terrakit.testing.subjects import irregular_mesh, rough_terrain, with_layers
 from terrakit.testing.trial import Trial, refusing
 
 UNIT = re.compile(
     r"^(|%|1|px|(mm|cm|km|m|kg|g|s|min|h|yr|deg|Pa|W|K|J|N)(\d|\^-?\d|\^\([^)]*\))?"
-    r"([*/](mm|cm|km|m|kg|g|s|min|h|yr|deg|Pa|W|K|J|N)(\d|\^-?\d)?)*|1/\w+)$"
+    r"([*/](mm|cm|km|m|kg|g|s|min|h|yr|deg|Pa|W|K|J|N)(\d|\^-?\d|\^\([^)]*\))?)*|1/\w+)$"
 )
 
 
@@ -60,9 +60,12 @@ def declares_itself(trial: Trial) -> None:
             raise trial.broken(f"{name}: {unit_of(field)!r} is no SI unit, deg or yr")
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
             raise trial.broken(f"parameter {name!r} is not lower_case")
-    for name in (*operator.idle, *(operator.turning or {}), *trial.settings):
+    lasts = getattr(operator, "lasts", {})
+    for name in (*operator.idle, *(operator.turning or {}), *trial.settings, *lasts):
         if name not in operator.model_fields:
-            raise trial.broken(f"idle, turning or trial names {name!r}, which is no parameter")
+            raise trial.broken(
+                f"idle, turning, trial or lasts names {name!r}, which is no parameter"
+            )
 
 
 def defaults_are_within_bounds(trial: Trial) -> None:
@@ -199,6 +202,8 @@ def _category(field: FieldInfo) -> str:
         return "number"
     if is_source(annotation) or annotation is Chain:
         return "terrain"
+    if annotation is Steps:
+        return "steps"
     if is_step_name(field):
         return "step"
     if is_file_path(field):

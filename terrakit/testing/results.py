@@ -93,7 +93,7 @@ def input_is_untouched(trial: Trial) -> None:
 
 def writes_what_it_declares(trial: Trial) -> None:
     """Declared layers are there and finite; every other layer is the very object handed in."""
-    declared = trial.operator.writes
+    declared = trial.made().writes  # what it holds within may write more than its class
     moves = issubclass(trial.operator, Filter) and trial.operator.changes_grid
     for kind, subject in trial.subjects():
         result = trial.applied(subject)

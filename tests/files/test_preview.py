@@ -136,3 +136,28 @@ def test_own_colours_need_albedo(tmp_path):
     (path,) = Preview(style="colour").export(terrain, tmp_path / "a.png", Run())
     with Image.open(path) as picture:
         assert picture.convert("RGB").getpixel((30, 30)) == (255, 0, 0)
+
+
+def test_a_block_in_perspective_shows_its_water(tmp_path):
+    terrain = Heightfield(cone(), 10.0)
+    flat = terrain.with_layers(water_depth=np.maximum(0, 150 - terrain.elevation))
+    pictures = {}
+    for name, surface, settings in (
+        ("map", terrain, {}),
+        ("dry", terrain, {"view": "perspective"}),
+        ("lake", flat, {"view": "perspective"}),
+        ("sea", terrain, {"view": "perspective", "sea_level": 150.0}),
+        ("east", terrain, {"view": "perspective", "view_direction": 90.0}),
+    ):
+        out = tmp_path / f"{name}.png"
+        Preview(width=180, **settings).export(surface, out, Run())
+        with Image.open(out) as picture:
+            pictures[name] = np.asarray(picture.convert("RGB")).astype(int)
+    assert pictures["map"].shape == (65, 65, 3)
+    assert pictures["dry"].shape == pictures["lake"].shape == (100, 180, 3)
+    wet, dry = (
+        (pictures[name][..., 2] > pictures[name][..., 0] + 20).mean() for name in ("lake", "dry")
+    )
+    assert wet > dry + 0.2
+    assert np.array_equal(pictures["sea"], pictures["lake"])
+    assert not np.array_equal(pictures["dry"], pictures["east"])

@@ -1,4 +1,4 @@
-"""A picture of the terrain: shaded relief from above, north up."""
+"""A picture of the terrain: shaded relief from above, north up, or a view of it as a block."""
 
 from __future__ import annotations
 
@@ -31,15 +31,29 @@ class Preview(Exporter):
     """Write a shaded relief in the Swiss manner as PNG, WebP or JPEG."""
 
     name: ClassVar[str] = "preview"
-    uses: ClassVar[tuple[str, ...]] = ALBEDO
-    cites: ClassVar[tuple[str, ...]] = ("Imhof 1982", "Mark 1992", "Kennelly & Stewart 2006")
+    uses: ClassVar[tuple[str, ...]] = (*ALBEDO, "sediment", "water_depth")
+    cites: ClassVar[tuple[str, ...]] = (
+        "Anderson 1982",
+        "Imhof 1982",
+        "Mark 1992",
+        "Kennelly & Stewart 2006",
+    )
     suffix: ClassVar[str] = ".png"
-    suffixes: ClassVar[tuple[str, ...]] = tuple(FORMATS)
     suffixes: ClassVar[tuple[str, ...]] = tuple(FORMATS)
     fields: ClassVar[int] = 24
     bytes_a_sample: ClassVar[float] = 2.0
 
     width: int = parameter(1024, "Longest side of the picture, pixels.", ge=16, le=16384)
+    view: Literal["map", "perspective"] = parameter(
+        "map", "From above with north up, or as a block seen from one side, with its water."
+    )
+    view_direction: float = parameter(
+        18.0,
+        "Where the viewer looks in perspective, clockwise from north.",
+        unit="deg",
+        ge=0.0,
+        le=360.0,
+    )
     style: Literal["hypsometric", "colour"] = parameter(
         "hypsometric", "Tints by height, or the ground's own colour where it has albedo layers."
     )
@@ -54,7 +68,7 @@ class Preview(Exporter):
     )
     exaggeration: float | None = parameter(
         None,
-        "Factor on heights before shading; chosen by the slopes where none is given.",
+        "Factor on heights; without it 1 in perspective, and by the slopes in shading a map.",
         gt=0.0,
         le=1000.0,
     )
@@ -82,7 +96,6 @@ class Preview(Exporter):
         from PIL import Image as Images
 
         from terrakit.color import linear_color
-        from terrakit.shading import relief_image
 
         colours = None
         if self.style == "colour":
@@ -95,17 +108,52 @@ class Preview(Exporter):
 
         # Shade near the size of the picture, so that large terrains cost no more than small ones.
         step = max(1, max(terrain.shape) // self.width)
+        colours = None if colours is None else _block_means(colours, step)
+        sea_level = sea_level if self.sea_level is None else self.sea_level
+        if self.view == "perspective":
+            return Images.fromarray(self._block(terrain, step, sea_level, colours))
+        from terrakit.shading import relief_image
+
         height = _block_means(terrain.elevation, step)
         relief = relief_image(
             height,
             terrain.spacing * step,
-            sea_level if self.sea_level is None else self.sea_level,
+            sea_level,
             self.azimuth,
             self.altitude,
             self.exaggeration,
-            None if colours is None else _block_means(colours, step),
+            colours,
         )
         return _at_most(Images.fromarray(relief), self.width)
+
+    def _block(
+        self,
+        terrain: Heightfield,
+        step: int,
+        sea_level: float | None,
+        colours: NDArray[np.float32] | None,
+    ) -> NDArray[np.uint8]:
+        """Return the view of the terrain as a block, 9 to 5."""
+        from terrakit.perspective import perspective_image
+
+        layers = {
+            name: _block_means(terrain.layer(name), step)
+            for name in ("water_depth", "sediment")
+            if name in terrain
+        }
+        return perspective_image(
+            _block_means(terrain.elevation, step),
+            terrain.spacing * step,
+            sea_level,
+            self.azimuth,
+            self.altitude,
+            1.0 if self.exaggeration is None else self.exaggeration,
+            colours,
+            size=(self.width, max(1, round(self.width * 5 / 9))),
+            direction=self.view_direction,
+            water_depth=layers.get("water_depth"),
+            sediment=layers.get("sediment"),
+        )
 
 
 def _small_png(picture: Image, limit: int) -> bytes:

@@ -64,6 +64,7 @@ class StreamPower(Erosion):
     )
     fields = 40
     idle: ClassVar = {"duration": 0.0}
+    lasts: ClassVar = {"duration": 1.0}
     turning: ClassVar = {"routing": "d8"}
     trial: ClassVar = {"duration": 1e5}
 
@@ -226,7 +227,7 @@ class StreamPower(Erosion):
             sweeps=sweeps,
             shares=(share * 2 / 3, share / 6, steepness, steepness / math.sqrt(2.0)),
             method=self.routing,
-            seed=run.words(self.name, self.seed),
+            seed=run.words(self.name, self.seed, lasting=True),
             world_cell=(
                 -round(y / surface.spacing) & 0xFFFFFFFF,  # what rho8 hashes
                 round(x / surface.spacing) & 0xFFFFFFFF,
