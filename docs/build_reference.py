@@ -15,7 +15,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
 from pydantic.fields import FieldInfo
+from pydantic_core import to_jsonable_python
 
 from terrakit.cli.describe import snippet
 from terrakit.layers import VOCABULARY
@@ -204,12 +206,18 @@ def _row(name: str, field: FieldInfo) -> str:
     elif field.default is None:
         default = f"none ({unit})" if unit else "none"
     else:
-        default = f"`{json.dumps(field.default, default=str)}` {unit}".rstrip()
+        shown = field.default if isinstance(field.default, BaseModel) else _plain(field.default)
+        default = f"`{json.dumps(shown, default=str)}` {unit}".rstrip()
     return f"| `{name}` | {default} | {_cell(allowed)} | {_cell(field.description or '')} |"
 
 
 def _settings(given: dict[str, Any]) -> str:
-    return ", ".join(f"`{k} = {json.dumps(v)}`" for k, v in given.items()) or "the defaults"
+    return ", ".join(f"`{k} = {json.dumps(_plain(v))}`" for k, v in given.items()) or "the defaults"
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with the models in it, such as beds of rock, as the tables that they are."""
+    return to_jsonable_python(value, exclude_none=True)
 
 
 def _markdown(docstring: str) -> Iterator[str]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pydantic_core import to_jsonable_python
+
 from terrakit.operators import Generator, Operator
 from terrakit.recipe import MOST_STEPS, Header
 from terrakit.registry import Registry, default_registry
@@ -33,7 +35,7 @@ def operator_schema(operator: type[Operator]) -> dict[str, Any]:
             "x-reads": list(operator.reads),
             "x-uses": list(operator.uses),
             "x-writes": list(operator.writes),
-            "x-presets": operator.presets,
+            "x-presets": to_jsonable_python(operator.presets),
             "x-cites": list(operator.cites),
             "x-parity": operator.parity,
             "x-locality": operator.locality,

@@ -61,7 +61,7 @@ def snippet(kind: type[Operator]) -> list[str]:
     shown = {name: field.default for name, field in kind.model_fields.items()} | _needed(kind)
     for name, value in shown.items():
         if isinstance(value, (bool, int, float, str, list, dict)):
-            lines.append(f"{name} = {_toml(value)}")
+            lines.append(f"{name} = {_toml(_plain(value))}")
     return lines
 
 
@@ -97,6 +97,8 @@ def _toml(value: Any) -> str:
 
 
 def _lines(name: str, field: FieldInfo) -> list[str]:
+    from pydantic import BaseModel
+
     from terrakit.parameters import bounds_text, type_text, unit_of
 
     limits = bounds_text(field).replace("x", name) or type_text(field.annotation)
@@ -105,12 +107,20 @@ def _lines(name: str, field: FieldInfo) -> list[str]:
     elif field.default is None:
         default = "none by default"
     else:
-        default = f"default {json.dumps(field.default, default=str)} {unit_of(field)}".rstrip()
+        shown = field.default if isinstance(field.default, BaseModel) else _plain(field.default)
+        default = f"default {json.dumps(shown, default=str)} {unit_of(field)}".rstrip()
     return [f"{name}  {default}; {limits}", f"    {field.description}"]
 
 
 def _settings(values: dict[str, Any]) -> str:
-    return ", ".join(f"{k} = {json.dumps(v)}" for k, v in values.items()) or "the defaults"
+    return ", ".join(f"{k} = {json.dumps(_plain(v))}" for k, v in values.items()) or "the defaults"
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with the models in it, such as beds of rock, as the tables that they are."""
+    from pydantic_core import to_jsonable_python
+
+    return to_jsonable_python(value, exclude_none=True)
 
 
 def _section(title: str, lines: list[str]) -> None:
