@@ -91,7 +91,7 @@ SUBJECTS: dict[str, Subject] = {
     "automaton": Subject((HILLS,), settings={"preset": "thesis_figure"}),
     "droplet": Subject((HILLS,)),
     "hillslope": Subject(MOUNTAINS),
-    "hydraulic": Subject((HILLS,)),
+    "hydraulic": Subject((HILLS,), settings={"storm_duration": 3.0}),
     "multiscale": Subject(
         (HILLS,),
         settings={"steps": [{"use": "stream_power", "duration": 3e5, "uplift_rate": 0.0}]},
@@ -108,8 +108,8 @@ SUBJECTS: dict[str, Subject] = {
     ),
     "stream_power": Subject((HILLS,), settings={"duration": 3e5, "uplift_rate": 0.0}),
     "thermal": Subject(CLIFFS, 4096.0, {"distance": 60.0}),
-    "weathering": Subject(MOUNTAINS),
-    "wind": Subject((noise(6.0, 400.0, octaves=6),), 1024.0),
+    "weathering": Subject(CLIFFS, 4096.0, {"preset": "frost"}),
+    "wind": Subject((noise(3.0, 500.0, octaves=6),), 1024.0, {"preset": "transverse"}),
 }
 ANYWHERE = Subject((HILLS,))
 

@@ -184,8 +184,9 @@ def perspective_image(
 
 
 def with_sediment(colours: Floats, sediment: NDArray[np.floating]) -> Floats:
-    """Return linear ground colours with loose material drawn as sand, full from about 2 m."""
-    cover = np.float32(1.0) - np.exp(-np.maximum(np.asarray(sediment, np.float32), 0.0))
+    """Return linear ground colours with loose material drawn as sand, full from about 6 m."""
+    thickness = np.maximum(np.asarray(sediment, np.float32), np.float32(0.0))
+    cover = np.float32(1.0) - np.exp(thickness / np.float32(-2.5))
     share = (np.float32(0.75) * cover)[..., None]
     tinted: Floats = colours + (np.array(_SAND, np.float32) - colours) * share
     return tinted
@@ -193,7 +194,7 @@ def with_sediment(colours: Floats, sediment: NDArray[np.floating]) -> Floats:
 
 def with_water(colours: Floats, water_depth: NDArray[np.floating]) -> Floats:
     """Return linear ground colours under water: a film of less than 2 cm does not show."""
-    depth = np.asarray(water_depth, np.float32)[..., None]
+    depth = np.maximum(np.asarray(water_depth, np.float32), np.float32(0.0))[..., None]
     edge = np.clip((depth - np.float32(0.02)) / np.float32(0.2), 0.0, 1.0)
     edge = edge * edge * (np.float32(3.0) - np.float32(2.0) * edge)
     dark = np.float32(1.0) - np.exp(depth / np.float32(-8.0))

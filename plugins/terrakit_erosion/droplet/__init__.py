@@ -14,7 +14,6 @@ from terrakit.parameters import Maskable, Schedule, Seed, parameter
 from terrakit.quanta import Quanta
 from terrakit.running import Run
 from terrakit_erosion.droplet.plan import (
-    COUNTS,
     NORTH,
     PARTS,
     SINKS,
@@ -39,6 +38,20 @@ MOST_LEVELLING = 0.15
 MOST_SWEEPS = 16
 SHIELD = 0.05
 """Thickness of loose material that shields half of what is below, as a share of the spacing."""
+
+_TEXTBOOK = {
+    "brush_radius": 24.0,
+    "pickup_length": 22.4,
+    "settling_length": 22.4,
+    "friction": 0.0,
+    "longest_path": 240.0,
+    "rain_depth": 1.0,
+    "drops_a_cell": 1.0,
+    "lakes": "end",
+    "bank_angle": None,
+    "levelling": 0.0,
+}
+"""What the usual droplet codes have in common, on samples 8 m apart."""
 
 
 class Droplet(Erosion):
@@ -77,51 +90,52 @@ class Droplet(Erosion):
     trial: ClassVar = {"drops_a_cell": 0.5, "longest_path": 300.0, "drops_at_once": 0.125}
 
     rain_depth: Maskable = parameter(
-        100.0, "Depth of all the rain that falls, which says how much is done.", unit="m", ge=0, le=1e6
+        150.0,
+        "Depth of all the rain that falls: how much is eroded.",
+        unit="m",
+        ge=0,
+        le=1e6,
     )
     brush_radius: float = parameter(
-        20.0, "Radius of what a drop touches: the width of the finest rills.", unit="m", gt=0, le=1e5
+        20.0, "Radius of what a drop touches: the finest gullies.", unit="m", gt=0, le=1e5
     )
     capacity: float = parameter(
-        0.1,
+        1.0,
         "Share of its own volume that a drop carries at slope 1 and 1 m/s.",
         unit="s/m",
         ge=0,
-        le=1000,
+        le=1e4,
     )
     pickup_length: float = parameter(
-        80.0, "Way on which a drop takes up most of what it can carry.", unit="m", gt=0, le=1e6
+        1000.0,
+        "Way on which a drop takes up most of what it can carry; long ways carve valleys.",
+        unit="m",
+        gt=0,
+        le=1e7,
     )
     settling_length: float = parameter(
-        40.0, "Way on which most of what is too much settles.", unit="m", gt=0, le=1e6
+        50.0, "Way on which most of what is too much settles.", unit="m", gt=0, le=1e7
     )
     inertia: float = parameter(
-        0.3, "Share of its direction that a drop keeps over a brush radius.", ge=0, le=0.99
+        0.3, "Share of its direction that a drop keeps over a brush radius.", ge=0, le=0.999
     )
     friction: float = parameter(
-        0.02, "Share of its speed that a drop loses on a metre.", unit="1/m", ge=0, le=100
+        0.2, "Share of its speed that a drop loses on a metre.", unit="1/m", ge=0, le=1e4
     )
-    travel: float = parameter(
-        1500.0, "Way on which two thirds of a drop dry up.", unit="m", gt=0, le=1e7
+    drying_length: float = parameter(
+        2000.0, "Way on which two thirds of a drop dry up.", unit="m", gt=0, le=1e8
     )
     longest_path: float = parameter(
-        3000.0, "Way after which a drop ends.", unit="m", gt=0, le=1e7
+        3000.0, "Way after which a drop ends at the latest.", unit="m", gt=0, le=1e8
     )
     bank_angle: float | None = parameter(
-        50.0, "Steepest bank; what is steeper slumps. Without it banks stand.", unit="deg", gt=0, lt=90
+        50.0, "Steepest bank; steeper ones slump. Without it they stand.", unit="deg", gt=0, lt=90
     )
     levelling: float = parameter(
-        40.0, "How far wet sediment spreads, which smooths plains and fans.", unit="m", ge=0, le=1e5
+        25.0, "How far wet sediment spreads, which smooths plains and fans.", unit="m", ge=0, le=1e5
     )
     hardness: Maskable = parameter(
         0.0, "Share of erosion that the ground withstands, 0 soft to 1 immovable.", ge=0, le=1
-    )
-    gather_length: float = parameter(
-        200.0,
-        "Length of slope whose water, gathered in a stream, erodes 1.4 times as strongly.",
-        unit="m",
-        gt=0,
-        le=1e9,
     )
     lakes: Literal["cross", "end"] = parameter(
         "cross", "Whether drops cross hollows, as water that fills them does, or end there."
@@ -133,7 +147,7 @@ class Droplet(Erosion):
         "carried_out", "What becomes of the load of a drop that dries up."
     )
     drops_a_cell: float = parameter(
-        4.0, "Drops that run for each sample; more is smoother and takes longer.", gt=0, le=1000
+        4.0, "Drops that run for each sample; more is smoother and takes longer.", gt=0, le=10000
     )
     drops_at_once: float = parameter(
         1 / 64,
@@ -150,7 +164,32 @@ class Droplet(Erosion):
     )
     seed: Seed = parameter(0, "Another number or word lets the drops fall elsewhere.")
 
-    presets: ClassVar = {}
+    presets: ClassVar = {
+        "gullies": {"brush_radius": 10.0, "pickup_length": 300.0, "rain_depth": 60.0},
+        "soft_hills": {"brush_radius": 40.0, "levelling": 80.0, "bank_angle": 35.0},
+        "canyons": {
+            "pickup_length": 5000.0,
+            "rain_depth": 1500.0,
+            "bank_angle": 65.0,
+            "levelling": 15.0,
+        },
+        "lague": {**_TEXTBOOK, "inertia": 1e-4, "capacity": 4.0, "drying_length": 800.0},
+        "beyer": {
+            **_TEXTBOOK,
+            "inertia": 0.005,
+            "capacity": 8.0,
+            "drying_length": 400.0,
+            "longest_path": 512.0,
+        },
+        "unity_thesis": {**_TEXTBOOK, "brush_radius": 10.0, "longest_path": 512.0},
+        "blender_addon": {
+            **_TEXTBOOK,
+            "brush_radius": 10.0,
+            "settling_length": 8.0,
+            "pickup_length": 8.0,
+            "friction": 0.03,
+        },
+    }
 
     def erode(self, surface: Heightfield, run: Run) -> Heightfield:
         """Return the terrain after the rain."""
@@ -227,7 +266,7 @@ class Droplet(Erosion):
             loose = np.clip(np.rint(thick), 0, 2**29).astype(np.int32)
         radius = min(max(self.brush_radius / spacing, LEAST_RADIUS), MOST_RADIUS)
         spread, share, _ = brush(radius)
-        way = min(self.longest_path, -math.log(DRY_AT) * self.travel)
+        way = min(self.longest_path, -math.log(DRY_AT) * self.drying_length)
         sea = -(2**30)
         if run.sea_level is not None:
             level = run.sea_level / quanta.quantum - quanta.datum
@@ -242,7 +281,7 @@ class Droplet(Erosion):
             loose=loose,
             outlet=self._outlets(start, sea),
             quanta=quanta,
-            settings=self._settings(quanta, surface, radius, batches, tall * wide),
+            settings=self._settings(quanta, surface, radius, batches * tall * wide),
             spread=spread,
             share=share,
             seed=run.words(self.name, self.seed),
@@ -272,13 +311,12 @@ class Droplet(Erosion):
         return min(round(rise), 2**30), min(round(rise * math.sqrt(2)), 2**30)
 
     def _settings(
-        self, quanta: Quanta, surface: Heightfield, radius: float, batches: int, batch: int
+        self, quanta: Quanta, surface: Heightfield, radius: float, drops: int
     ) -> NDArray[np.float32]:
         """Return the list of settings; a step is as long as the spacing."""
         spacing, area = surface.spacing, brush(radius)[2]
         cells = (surface.shape[0] - 1) * (surface.shape[1] - 1)
         part = quanta.quantum / PARTS  # metres of height
-        per_drop = cells * spacing**2 / batch  # square metres that a drop of a batch stands for
         slowing = 2 * self.friction * spacing
         kept = math.exp(-slowing)
         gained = GRAVITY * (1 - kept) / self.friction if slowing > 1e-6 else 2 * GRAVITY * spacing
@@ -291,12 +329,11 @@ class Droplet(Erosion):
             self.least_slope,
             1 - math.exp(-spacing / self.pickup_length),
             1 - math.exp(-spacing / self.settling_length),
-            max(math.exp(-spacing / self.travel), 1e-20),
-            cells / max(1, batches * batch) / part,
+            max(math.exp(-spacing / self.drying_length), 1e-20),
+            cells / max(1, drops) / part,
             area * PARTS,
             area * BITE * radius * spacing / part,
             self.start_speed**2,
-            per_drop / (area * spacing * self.gather_length * COUNTS),
         ]
         return np.array(settings, dtype=np.float32)
 

@@ -20,7 +20,6 @@
 #define DROPLET_DIP 10          // parts that raise the middle of the brush by a quantum
 #define DROPLET_BITE 11         // most parts that a place gets or loses in a batch, over its slope
 #define DROPLET_ENERGY 12       // v^2 at the start
-#define DROPLET_GATHERING 13    // (power of a stream)^2 gained for each visit, in sixteenths
 
 #define DROPLET_MOST 268435456.0f  // parts that one drop may carry: 2^28
 #define DROPLET_COUNTS 16.0f       // smoothed visits are in sixteenths
@@ -129,6 +128,9 @@ DROPLET_INLINE int droplet_nearest(const droplet_drop *drop, int cols)
     return (drop->row + (drop->down >= 0.5f)) * cols + drop->col + (drop->right >= 0.5f);
 }
 
+// Without what is so small that its square is no normal float.
+DROPLET_INLINE float droplet_flushed(float x) { return x > -1e-10f && x < 1e-10f ? 0.0f : x; }
+
 // Move by one step along the direction.
 DROPLET_INLINE void droplet_shift(droplet_drop *drop)
 {
@@ -136,8 +138,8 @@ DROPLET_INLINE void droplet_shift(droplet_drop *drop)
     const float right = drop->right + drop->east;
     const int rows = down < 0.0f ? -1 : (down >= 1.0f ? 1 : 0);
     const int cols = right < 0.0f ? -1 : (right >= 1.0f ? 1 : 0);
-    const float lower = down - (float)rows;
-    const float further = right - (float)cols;
+    const float lower = droplet_flushed(down - (float)rows);
+    const float further = droplet_flushed(right - (float)cols);
     drop->row += rows;
     drop->col += cols;
     drop->down = lower < DROPLET_BELOW_ONE ? lower : DROPLET_BELOW_ONE;
@@ -156,8 +158,8 @@ DROPLET_INLINE void droplet_follow(
     const float length = DROPLET_SQRT(south * south + east * east);
     const int leads = which && away != 0 && length > 1e-6f;
     const float unit = leads ? length : 1.0f;
-    drop->south = leads ? south / unit : drop->south;
-    drop->east = leads ? east / unit : drop->east;
+    drop->south = leads ? droplet_flushed(south / unit) : drop->south;
+    drop->east = leads ? droplet_flushed(east / unit) : drop->east;
 }
 
 DROPLET_INLINE int droplet_side(const droplet_drop *drop, int rows, int cols)
@@ -234,8 +236,8 @@ DROPLET_INLINE int droplet_step(droplet_drop *drop, const droplet_ground *ground
     const float length = DROPLET_SQRT(east * east + south * south);
     const int turns = slopes && length > 1e-6f;
     const float unit = turns ? length : 1.0f;
-    drop->east = turns ? east / unit : drop->east;
-    drop->south = turns ? south / unit : drop->south;
+    drop->east = turns ? droplet_flushed(east / unit) : drop->east;
+    drop->south = turns ? droplet_flushed(south / unit) : drop->south;
     if (ground->crossing) {
         const int lost = drop->east == 0.0f && drop->south == 0.0f;
         droplet_follow(drop, ground, nearest, in_lake || lost);
@@ -419,12 +421,12 @@ __kernel void droplet_carry(
     const float water_kept = settings[DROPLET_WATER_KEPT];
     const float dip = settings[DROPLET_DIP];
     const float bite = settings[DROPLET_BITE];
-    const float gathering = settings[DROPLET_GATHERING];
     int next = (int)get_global_id(0) * DROPLET_SPAN;
     const int last = next + DROPLET_SPAN < tall * wide ? next + DROPLET_SPAN : tall * wide;
     droplet_lanes lanes;
     int slots[DROPLET_LANES], steps_left[DROPLET_LANES], ends[DROPLET_LANES];
     int corners[DROPLET_LANES], loads[DROPLET_LANES], laid[DROPLET_LANES];
+    int shares[4][DROPLET_LANES];
     float downs[DROPLET_LANES], rights[DROPLET_LANES], cut[DROPLET_LANES];
     float waters[DROPLET_LANES], energies[DROPLET_LANES], depths[DROPLET_LANES];
     const droplet_drop nobody = {0, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0, 0.0f, 0.0f};
@@ -459,8 +461,7 @@ __kernel void droplet_carry(
             corners[lane] = drop.row * cols + drop.col;
             downs[lane] = drop.down;
             rights[lane] = drop.right;
-            const float visitors = (float)visits[droplet_nearest(&drop, cols)];
-            const float guard = DROPLET_COUNTS / visitors;
+            const float guard = DROPLET_COUNTS / (float)visits[droplet_nearest(&drop, cols)];
             ends[lane] = droplet_step(&drop, &ground);
             droplet_put(&lanes, lane, &drop);
             depths[lane] = drop.depth;
@@ -470,9 +471,8 @@ __kernel void droplet_carry(
             const float energy = energies[lane];
             const float slope = -drop.rise * rise_to_slope;
             const float steep = slope > least_slope ? slope : least_slope;
-            const float power = DROPLET_SQRT(energy * (1.0f + visitors * gathering));
-            const float capacity =
-                droplet_least(capacity_a_water * steep * power * water, DROPLET_MOST);
+            const float capacity = droplet_least(
+                capacity_a_water * steep * DROPLET_SQRT(energy) * water, DROPLET_MOST);
             // In standing water, uphill (into the dip just left), and where there is too much
             const float in_water =
                 droplet_least(carried * share_settled, drop.depth * dip * guard);
@@ -484,8 +484,22 @@ __kernel void droplet_carry(
             const int takes = !wet && !rises && !(carried > capacity);
             const float more =
                 droplet_least((capacity - carried) * share_taken, slope * bite * guard);
-            laid[lane] = takes ? 0 : (int)(wet ? in_water : (rises ? uphill : excess));
+            const int settles = (int)(wet ? in_water : (rises ? uphill : excess));
+            const int lays = takes ? (hard ? 0 : -(int)more) : settles;
+            laid[lane] = lays;
             cut[lane] = takes ? more : 0.0f;
+
+            // Shares of the four corners; the last takes what rounding left
+            const float whole = (float)lays;
+            const float up = 1.0f - downs[lane];
+            const float west = 1.0f - rights[lane];
+            const int a = (int)(whole * (up * west));
+            const int b = (int)(whole * (up * rights[lane]));
+            const int c = (int)(whole * (downs[lane] * west));
+            shares[0][lane] = a;
+            shares[1][lane] = b;
+            shares[2][lane] = c;
+            shares[3][lane] = lays - a - b - c;
 
             const float gained = energy * speed_kept + slope * speed_gained;
             energies[lane] = !wet && gained > 1e-20f ? gained : 0.0f;
@@ -497,12 +511,15 @@ __kernel void droplet_carry(
             if (hard && cut[lane] > 0.0f) {
                 loads[lane] += droplet_take(
                     cuts, gives, corners[lane], cols, downs[lane], rights[lane], cut[lane]);
-            } else {
-                laid[lane] -= (int)cut[lane];
             }
             loads[lane] -= laid[lane];
-            droplet_scatter(
-                pending, corners[lane], cols, downs[lane], rights[lane], laid[lane]);
+            if (laid[lane] != 0) {
+                __global int *corner = pending + corners[lane];
+                DROPLET_ADD(corner, shares[0][lane]);
+                DROPLET_ADD(corner + 1, shares[1][lane]);
+                DROPLET_ADD(corner + cols, shares[2][lane]);
+                DROPLET_ADD(corner + cols + 1, shares[3][lane]);
+            }
             --steps_left[lane];
             if (ends[lane] == DROPLET_GOES_ON && steps_left[lane] > 0) continue;
 

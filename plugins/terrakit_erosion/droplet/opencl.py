@@ -127,9 +127,7 @@ class OpenCLModel:
             )
             self._height, self._scratch = self._scratch, self._height
             self._loose, self._visits = self._visits, self._loose
-        self._smooth = DeviceArray(
-            self._device, self._scratch.buffer, plan.start.shape, np.float32
-        )
+        self._smooth = DeviceArray(self._device, self._scratch.buffer, plan.start.shape, np.float32)
 
     def height(self) -> NDArray[np.int32]:
         """Return the heights now, quanta."""
@@ -166,12 +164,8 @@ class OpenCLModel:
         launch = self._program.launch
         shield = np.float32(plan.shield)
         bed_there = self._on_device("bed", bed)
-        launch(
-            "droplet_soften", cells, self._loose, bed_there, self._soft, shield, _INT(cells)
-        )
-        launch(
-            "droplet_reach_columns", shape, self._soft, self._column, self._spread, reach, *size
-        )
+        launch("droplet_soften", cells, self._loose, bed_there, self._soft, shield, _INT(cells))
+        launch("droplet_reach_columns", shape, self._soft, self._column, self._spread, reach, *size)
         launch("droplet_reach_rows", shape, self._column, self._gives, self._spread, reach, *size)
 
     def _cut(self, reach: np.int32, size: tuple[np.int32, ...]) -> None:

@@ -31,8 +31,7 @@ COUNTS = 16.0
     DIP,
     BITE,
     ENERGY,
-    GATHERING,
-) = range(14)
+) = range(13)
 """Places in the list of settings, as in ``droplet.cl``."""
 
 DRY, NORTH, SOUTH, WEST, EAST, SEA, GOES_ON = range(7)

@@ -20,9 +20,7 @@ from terrakit_erosion.droplet.plan import (
     DRY,
     EAST,
     ENERGY,
-    GATHERING,
     GOES_ON,
-    KEEP,
     LEAST_SLOPE,
     MOST,
     NORTH,
@@ -34,7 +32,6 @@ from terrakit_erosion.droplet.plan import (
     SPEED_GAINED,
     SPEED_KEPT,
     TAKEN,
-    WATER,
     WATER_KEPT,
     WEST,
 )
@@ -140,8 +137,8 @@ def step(drops: Drops, ground: Ground) -> Counts:
     length = np.sqrt(east * east + south * south)
     turned &= length > F(1e-6)
     length = np.where(turned, length, F(1))
-    drops.east = np.where(turned, east / length, drops.east)
-    drops.south = np.where(turned, south / length, drops.south)
+    drops.east = np.where(turned, _flushed(east / length), drops.east)
+    drops.south = np.where(turned, _flushed(south / length), drops.south)
     _follow(drops, ground, nearest, (drops.east == F(0)) & (drops.south == F(0)))
     moves = (drops.east != F(0)) | (drops.south != F(0))
 
@@ -250,8 +247,7 @@ def carry(
             break
         corner = drops.row * I(cols) + drops.col
         down, right = drops.down, drops.right
-        visitors = visits.ravel()[drops.nearest(cols)].astype(F)
-        guard = F(COUNTS) / visitors
+        guard = F(COUNTS) / visits.ravel()[drops.nearest(cols)].astype(F)
         end = step(drops, ground)
         slope = -drops.rise * settings[RISE]
         carried = load.astype(F)
@@ -259,15 +255,10 @@ def carry(
         room = drops.depth * settings[DIP] * guard
         in_water = _least(carried * settings[SETTLED], room)
         steep = np.where(slope > settings[LEAST_SLOPE], slope, settings[LEAST_SLOPE])
-        power = np.sqrt(energy * (F(1) + visitors * settings[GATHERING]))
-        capacity = _least(settings[CAPACITY] * steep * power * water, F(MOST))
+        capacity = _least(settings[CAPACITY] * steep * np.sqrt(energy) * water, F(MOST))
         uphill = _least(carried, drops.rise * settings[DIP] * guard)
-        excess = _least(
-            (carried - capacity) * settings[SETTLED], steep * settings[BITE] * guard
-        )
-        wanted = _least(
-            (capacity - carried) * settings[TAKEN], slope * settings[BITE] * guard
-        )
+        excess = _least((carried - capacity) * settings[SETTLED], steep * settings[BITE] * guard)
+        wanted = _least((capacity - carried) * settings[TAKEN], slope * settings[BITE] * guard)
         wet, rises = drops.depth > F(0), drops.rise > F(0)
         full = carried > capacity
         laid = np.where(wet, in_water, np.where(rises, uphill, excess))
@@ -444,6 +435,11 @@ def _least(a: Floats, b: Floats | np.float32) -> Floats:
     return np.where(a < b, a, b)
 
 
+def _flushed(values: Floats) -> Floats:
+    """Return values without what is so small that its square is no normal float."""
+    return np.where((values > F(-1e-10)) & (values < F(1e-10)), F(0), values)
+
+
 def _place(
     part: NDArray[np.int64], parts: int, bits: NDArray[np.uint32], cells: int
 ) -> tuple[Counts, Floats]:
@@ -465,8 +461,8 @@ def _follow(drops: Drops, ground: Ground, nearest: Counts, which: NDArray[np.boo
     length = np.sqrt(south * south + east * east)
     leads = which & (away != 0) & (length > F(1e-6))
     length = np.where(leads, length, F(1))
-    drops.south = np.where(leads, south / length, drops.south)
-    drops.east = np.where(leads, east / length, drops.east)
+    drops.south = np.where(leads, _flushed(south / length), drops.south)
+    drops.east = np.where(leads, _flushed(east / length), drops.east)
 
 
 def _shift(drops: Drops, which: NDArray[np.bool_]) -> None:
@@ -475,7 +471,7 @@ def _shift(drops: Drops, which: NDArray[np.bool_]) -> None:
         now = getattr(drops, place)
         then = now + getattr(drops, direction)
         cells = np.where(then < F(0), I(-1), np.where(then >= F(1), I(1), I(0)))
-        then = then - cells.astype(F)
+        then = _flushed(then - cells.astype(F))
         then = np.where(then < BELOW_ONE, then, BELOW_ONE)
         setattr(drops, cell, np.where(which, getattr(drops, cell) + cells, getattr(drops, cell)))
         setattr(drops, place, np.where(which, then, now))

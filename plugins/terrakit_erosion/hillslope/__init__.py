@@ -72,7 +72,7 @@ class Hillslope(Erosion):
     lasts: ClassVar = {"duration": 1.0}
     trial: ClassVar = {"duration": 3e3, "critical_slope": 50.0}
 
-    duration: float = parameter(1e5, "Years that pass.", unit="yr", ge=0, le=1e10)
+    duration: float = parameter(2e4, "Years that pass.", unit="yr", ge=0, le=1e10)
     creep_rate: Maskable = parameter(
         0.02,
         "How fast soil creeps: 0.001 is dry rocky ground, 0.05 wet and full of burrows.",

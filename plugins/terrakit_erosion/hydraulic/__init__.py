@@ -19,6 +19,8 @@ from terrakit.running import Run
 from terrakit_erosion.hydraulic.plan import (
     BLOCK,
     GRAVITY,
+    SLIDE,
+    Beginning,
     Plan,
     Storms,
     Weather,
@@ -35,6 +37,10 @@ FINEST = 2.0**-22
 """Smallest quantum of water, m."""
 MOST_STEPS = 4_000_000
 MOST_CREEP = 0.15
+WET = 0.01
+"""Depth of water that makes ground wet, m; a film of rain is less."""
+DROWNED = 0.1
+"""Depth of water that keeps raindrops off the ground, m."""
 MOST_SWEEPS = 32
 STORM_LIFE = 1200.0
 """Seconds in which a storm gives way to the next."""
@@ -93,6 +99,7 @@ class Hydraulic(Erosion):
     fields = 14
     idle: ClassVar = {"storm_duration": 0.0}
     lasts: ClassVar = {"storm_duration": 1.0}
+    lasts: ClassVar = {"storm_duration": 1.0}
     turning: ClassVar = {"rain_pattern": "uniform", "springs": []}
     refinement_tolerance: ClassVar = None
     trial: ClassVar = {"storm_duration": 0.02, "rain_pattern": "random", "storm_size": 100.0}
@@ -122,7 +129,7 @@ class Hydraulic(Erosion):
         "full", "Whether hollows are full when it begins to rain; a layer water_depth goes first."
     )
     acceleration: float = parameter(
-        20.0, "Storms that this one stands for: how much deeper it cuts.", ge=0, le=1e4
+        80.0, "Storms that this one stands for: how much deeper it cuts.", ge=0, le=1e4
     )
     sediment_capacity: float = parameter(
         1.0,
@@ -132,10 +139,10 @@ class Hydraulic(Erosion):
         le=1000,
     )
     erosion_rate: float = parameter(
-        0.1, "Share of the missing load that is eroded in a second.", unit="1/s", ge=0, le=1000
+        0.02, "Share of the missing load that is eroded in a second.", unit="1/s", ge=0, le=1000
     )
     deposition_rate: float = parameter(
-        0.05, "Share of the load in excess that settles in a second.", unit="1/s", ge=0, le=1000
+        0.02, "Share of the load in excess that settles in a second.", unit="1/s", ge=0, le=1000
     )
     erosion_threshold: float = parameter(
         0.0,
@@ -158,7 +165,7 @@ class Hydraulic(Erosion):
         40.0, "Banks steeper than this slump into the stream.", unit="deg", ge=1, lt=90
     )
     splash: float = parameter(
-        4.0, "Creep of soil under raindrops, which rounds crests.", unit="m2/h", ge=0, le=1e4
+        1.0, "Creep of soil under raindrops, which rounds crests.", unit="m2/h", ge=0, le=1e4
     )
     water_border: Literal["open", "closed", "fixed", "periodic"] = parameter(
         "open",
@@ -194,19 +201,62 @@ class Hydraulic(Erosion):
         advanced=True,
     )
     courant: float = parameter(
-        0.45, "Share of a cell that a wave crosses in a step.", gt=0, le=0.5, advanced=True
+        0.4, "Share of a cell that a wave crosses in a step.", gt=0, le=0.42, advanced=True
     )
     scheme: Literal["inertial", "pipe"] = parameter(
         "inertial", "inertial is shallow water; pipe is the older virtual pipes, to compare with."
     )
     seed: Seed = parameter(0, "Another number or word gives other storm cells.")
 
-    presets: ClassVar = {}
+    presets: ClassVar = {
+        "storm": {"rain": 100.0, "storm_duration": 1.0},
+        "gentle_rain": {
+            "rain": 20.0,
+            "storm_duration": 2.0,
+            "acceleration": 150.0,
+            "splash": 0.8,
+        },
+        "flood": {
+            "rain": 60.0,
+            "storm_duration": 2.0,
+            "acceleration": 40.0,
+            "manning": 0.03,
+            "erosion_threshold": 0.01,
+        },
+        "badlands": {
+            "rain": 150.0,
+            "acceleration": 200.0,
+            "splash": 0.02,
+            "bank_angle": 50.0,
+            "manning": 0.03,
+        },
+        "terragen": {"acceleration": 120.0, "deposition_rate": 0.04, "splash": 0.4},
+        "unreal": {
+            "rain_pattern": "random",
+            "sediment_capacity": 0.3,
+            "acceleration": 200.0,
+            "splash": 0.2,
+        },
+        "unity_hydraulic": {
+            "evaporation": 5.0,
+            "lakes_at_start": "empty",
+            "erosion_rate": 0.05,
+            "deposition_rate": 0.05,
+        },
+        "world_machine": {"storm_duration": 2.0, "hardness": 0.3, "erosion_threshold": 0.002},
+        "ant_landscape": {
+            "lakes_at_start": "empty",
+            "evaporation": 10.0,
+            "bank_angle": 45.0,
+            "erosion_rate": 0.05,
+        },
+        "mei_pipe": {"scheme": "pipe", "erosion_rate": 0.1, "deposition_rate": 0.1},
+    }
 
     def erode(self, surface: Heightfield, run: Run) -> Heightfield:
         """Return the terrain after the storm."""
-        plan = self._plan(surface, run)
-        if plan is None:
+        planned = self._plan(surface, run)
+        if planned is None:
             quanta = Quanta.fitting(surface.elevation, surface.spacing)
             volume = quanta.volume(quanta.count(surface.elevation), surface.cell_area)
             run.ledger.open("rock", volume)
@@ -214,12 +264,15 @@ class Hydraulic(Erosion):
                 pass
             run.ledger.close("rock", volume, 0.0)
             return surface
+        plan, begin = planned
         framed = _framed(surface, plan) if surface.strata is not None else None
         if run.device is None:
             from terrakit_erosion.hydraulic.numpy_model import NumpyModel as Model
         else:
             from terrakit_erosion.hydraulic.opencl import OpenCLModel as Model  # type: ignore[assignment]
-        model = Model(plan, framed, run)
+        model = Model(plan, begin, framed, run)
+        first = int(begin.depth.sum(dtype=np.int64))
+        del planned, begin  # it is where it is worked with
         fallen = given = 0
         done = 0
         forecast = self._forecast(surface, plan)
@@ -233,20 +286,20 @@ class Hydraulic(Erosion):
                 given += int(plan.springs.sum(dtype=np.int64))
             run.check()
             run.offer(lambda: surface.with_layers(elevation=_heights(surface, plan, model.bed())))
+        depth, load, passing = model.water()
         end, rock = model.bed(), model.rock()
-        depth, load, (x, y) = model.water()
         wetness, discharge = model.means()
         through = model.through()
         fallen += model.total("storms")
         self._book_rock(run, plan, end, load, through[2])
-        self._book_water(run, plan, depth, (fallen, given), through, model)
+        self._book_water(run, plan, (first, depth), (fallen, given), through, model)
         if done == 0:
             return surface
         gained = plan.quanta.metres(end.astype(np.int64) - plan.start)
         zero = np.float32(0)
         before = {n: surface.layer(n) for n in ("erosion", "deposition") if n in surface}
         metres = (depth * np.float64(plan.water_quantum)).astype(np.float32)
-        speed = np.sqrt(x * x + y * y) / np.maximum(metres, np.float32(1e-3))
+        speed = passing / np.maximum(metres, np.float32(1e-3))
         return surface.with_layers(
             elevation=_heights(surface, plan, end),
             sediment=plan.quanta.metres(end.astype(np.int64) - rock),
@@ -260,7 +313,7 @@ class Hydraulic(Erosion):
 
     # --- what is known before the first step ------------------------------------------------
 
-    def _plan(self, surface: Heightfield, run: Run) -> Plan | None:
+    def _plan(self, surface: Heightfield, run: Run) -> tuple[Plan, Beginning] | None:
         """Return everything that stays the same from step to step; None where nothing happens."""
         total = self.storm_duration * HOUR
         longest = self.courant * surface.spacing / math.sqrt(GRAVITY * self.wave_depth)
@@ -315,23 +368,22 @@ class Hydraulic(Erosion):
         talus = math.tan(math.radians(self.bank_angle)) * spacing / bed
         before = surface.layer("wetness") if "wetness" in surface else None
         maps = ("rain", "hardness")
-        return Plan(
+        plan = Plan(
             quanta=quanta,
             water_quantum=water,
             shift=shift,
             spacing=spacing,
             start=start,
-            rock=(start - loose_on(surface, quanta)).astype(np.int32),
-            depth=self._water(surface, start, shift, water, sea, sea_surface, run),
-            frame_bed=frame_bed,
-            frame_depth=frame_depth,
             seconds=seconds,
             blocks=blocks,
             flow=flow,
             transfer=transfer,
             ground=ground,
             thin=max(1, round(float(THIN) / water)),
+            wet=max(1, round(WET / water)),
+            drowned=max(1, round(DROWNED / water)),
             talus=round(min(talus, 2**29)),
+            slide=SLIDE * seconds / (0.5 * longest / self.courant),
             creep=min(MOST_CREEP, creep / sweeps),
             creep_sweeps=sweeps,
             round_the_map=self.water_border == "periodic",
@@ -345,10 +397,17 @@ class Hydraulic(Erosion):
             storms=self._storms(surface, run) if self.rain_pattern == "random" else None,
             springs=self._springs(surface, seconds_a_block, water) if self.springs else None,
             wetting=np.float32(-math.expm1(-seconds_a_block / (self.wetness_time * HOUR))),
-            wetness=np.zeros(surface.shape, np.float32)
-            if before is None
-            else np.clip(before, np.float32(0), np.float32(1)),
         )
+        dry = np.zeros(surface.shape, np.float32)
+        begin = Beginning(
+            start,
+            (start - loose_on(surface, quanta)).astype(np.int32),
+            self._water(surface, start, shift, water, sea, sea_surface, run),
+            frame_bed,
+            frame_depth,
+            dry if before is None else np.clip(before, np.float32(0), np.float32(1)),
+        )
+        return plan, begin
 
     def _check_values(self, surface: Heightfield) -> None:
         """Refuse springs that lie elsewhere or take water."""
@@ -503,7 +562,7 @@ class Hydraulic(Erosion):
         self,
         run: Run,
         plan: Plan,
-        depth: Counts,
+        water: tuple[int, Counts],
         came: tuple[int, int],
         through: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]],
         model: Any,
@@ -511,7 +570,7 @@ class Hydraulic(Erosion):
         """Book the water by where it came from and went to."""
         ledger = run.ledger
         unit = plan.water_quantum * plan.cell_area
-        ledger.open("water", int(plan.depth.sum(dtype=np.int64)) * unit)
+        ledger.open("water", water[0] * unit)
         passed = 0
         sources = {"rain": came[0], "springs": came[1]}
         sources |= {f"border {side}": n for side, n in _by_side(through[1], plan).items()}
@@ -526,7 +585,7 @@ class Hydraulic(Erosion):
             if counts:
                 ledger.left("water", name, counts * unit)
                 passed += counts
-        ledger.close("water", int(depth.sum(dtype=np.int64)) * unit, passed * unit)
+        ledger.close("water", int(water[1].sum(dtype=np.int64)) * unit, passed * unit)
 
 
 def _heights(surface: Heightfield, plan: Plan, end: Counts) -> NDArray[np.float32]:

@@ -58,9 +58,10 @@ INLINE float hydraulic_slope(int bi, int bj, int di, int dj, float bed_slope, fl
 
 // New discharge from i to j: local inertia with Manning friction, implicit in the discharge.
 INLINE float hydraulic_inertial(
-    int bi, int bj, int di, int dj, float q,
+    int bi, int bj, int di, int dj, int risen, float q,
     float bed_quantum, float water_quantum, float bed_slope, float water_slope,
-    float push, float drag, float wave_depth, float inverse_friction, float critical, float empty)
+    float push, float drag, float wave_depth, float calming, float inverse_friction,
+    float critical, float empty)
 {
     const float hi = (float)di * water_quantum;
     const float hj = (float)dj * water_quantum;
@@ -73,7 +74,8 @@ INLINE float hydraulic_inertial(
     const float r2 = r * r;
     const float r4 = r2 * r2;
     const float light = hydraulic_smaller(h, wave_depth);
-    const float pushed = q + push * light * slope;
+    const float swell = h > light ? calming * ((float)risen * water_slope) : 0.0f;
+    const float pushed = q + push * light * (slope + swell);
     const float x = hydraulic_size(pushed);
     float next = 2.0f * x / (1.0f + ROOT(1.0f + drag * light * (r4 * r4 * r2) * x));
     const float h3 = h * h * h;
@@ -88,6 +90,7 @@ INLINE float hydraulic_inertial(
 __kernel void hydraulic_flow(
     __global const int *bed,
     __global const int *depth,
+    __global const int *before,
     __global float *east,
     __global float *south,
     __global float *south_east,
@@ -101,6 +104,7 @@ __kernel void hydraulic_flow(
     const float push,
     const float drag,
     const float wave_depth,
+    const float calming,
     const float inverse_friction,
     const float critical,
     const float empty,
@@ -111,8 +115,9 @@ __kernel void hydraulic_flow(
     const int stride = cols + 4;
 #define FLOW_EDGE(name, q, j, bed_fall, water_fall, most)                                         \
     const float name = hydraulic_inertial(                                                        \
-        bed[k], bed[j], depth[k], depth[j], q[k], bed_quantum, water_quantum, bed_fall,           \
-        water_fall, push, drag, wave_depth, inverse_friction, critical, most);
+        bed[k], bed[j], depth[k], depth[j], (depth[k] - before[k]) - (depth[j] - before[j]),      \
+        q[k], bed_quantum, water_quantum, bed_fall, water_fall, push, drag, wave_depth, calming,  \
+        inverse_friction, critical, most);
 #define FLOW(k)                                                                                   \
     FLOW_EDGE(to_east, east, k + 1, bed_slope, water_slope, empty)                                \
     FLOW_EDGE(to_south, south, k + stride, bed_slope, water_slope, empty)                         \
@@ -258,20 +263,20 @@ INLINE float hydraulic_mixed(
     const int name##_m = hydraulic_whole(                                                         \
         hydraulic_size(name##_carried), load_turn, name##_carried > 0.0f ? load[j] : m);
 
-// Everything that passes the edges a, -a, b, -b of cell k: the depth d1 and load m1 that result.
-#define HYDRAULIC_CARRY(k, a, b, first, second)                                                   \
+// Everything that passes the four edges of cell k: the depth d1 and load m1 that result.
+#define HYDRAULIC_CARRY(k, one, other, first, second)                                             \
     const int d = depth[k], m = load[k];                                                          \
     const float c = hydraulic_concentration(load, depth, k);                                      \
-    const float share = hydraulic_share(depth, first, second, k, a, b, rate, available);          \
-    const float share_e = hydraulic_share(depth, first, second, k + a, a, b, rate, available);    \
-    const float share_w = hydraulic_share(depth, first, second, k - a, a, b, rate, available);    \
-    const float share_s = hydraulic_share(depth, first, second, k + b, a, b, rate, available);    \
-    const float share_n = hydraulic_share(depth, first, second, k - b, a, b, rate, available);    \
-    const float qe = first[k], qw = -first[k - a], qs = second[k], qn = -second[k - b];           \
-    HYDRAULIC_EDGE(e, qe, k + a, share_e)                                                         \
-    HYDRAULIC_EDGE(w, qw, k - a, share_w)                                                         \
-    HYDRAULIC_EDGE(s, qs, k + b, share_s)                                                         \
-    HYDRAULIC_EDGE(n, qn, k - b, share_n)                                                         \
+    const float share = hydraulic_share(depth, first, second, k, one, other, rate, available);    \
+    const float share_e = hydraulic_share(depth, first, second, k + (one), one, other, rate, available);\
+    const float share_w = hydraulic_share(depth, first, second, k - (one), one, other, rate, available);\
+    const float share_s = hydraulic_share(depth, first, second, k + (other), one, other, rate, available);\
+    const float share_n = hydraulic_share(depth, first, second, k - (other), one, other, rate, available);\
+    const float qe = first[k], qw = -first[k - (one)], qs = second[k], qn = -second[k - (other)]; \
+    HYDRAULIC_EDGE(e, qe, k + (one), share_e)                                                     \
+    HYDRAULIC_EDGE(w, qw, k - (one), share_w)                                                     \
+    HYDRAULIC_EDGE(s, qs, k + (other), share_s)                                                   \
+    HYDRAULIC_EDGE(n, qn, k - (other), share_n)                                                   \
     const int out = ((qe > 0.0f ? e_w : -e_w) + (qw > 0.0f ? w_w : -w_w)) +                       \
                     ((qs > 0.0f ? s_w : -s_w) + (qn > 0.0f ? n_w : -n_w));                        \
     const int d1 = d - out + RAIN(k);                                                             \
@@ -462,11 +467,14 @@ INLINE int hydraulic_sliding(int d, int talus, float slump, float creep)
     return d < 0 ? -count : count;
 }
 
-// Once a block: banks slump, rain splashes soil downhill. Eight neighbours, isotropic.
+// Once a block: banks slump, rain splashes soil downhill, but not under water. Eight neighbours,
+// isotropic.
 __kernel void hydraulic_slump(
     __global const int *bed,
     __global int *bed_after,
     __global int *rock,
+    __global const int *depth,
+    const int drowned,
     const int talus,
     const float slump,
     const float creep,
@@ -476,7 +484,9 @@ __kernel void hydraulic_slump(
 {
     const int stride = cols + 4;
 #define SLIDE(k, j, inside, limit, part)                                                          \
-    ((inside) ? hydraulic_sliding(bed[k] - bed[j], limit, slump * part, creep * part) : 0)
+    ((inside) ? hydraulic_sliding(bed[k] - bed[j], limit, slump * part,                           \
+                                  depth[k] > drowned && depth[j] > drowned ? 0.0f : creep * part) \
+              : 0)
 #define SLUMP(k, col)                                                                             \
     const int slanted = (int)((float)talus * 1.41421356f);                                        \
     const int west = col > 0 || round_the_map, east = col < cols - 1 || round_the_map;                                              \
@@ -642,6 +652,8 @@ __kernel void hydraulic_survey(
     __global const int *depth,
     __global const float *east,
     __global const float *south,
+    __global const float *south_east,
+    __global const float *south_west,
     __global float *wetness,
     __global float *discharge,
     const int thin,
@@ -652,12 +664,17 @@ __kernel void hydraulic_survey(
 {
     const int stride = cols + 4;
 #define SURVEY(k, i)                                                                              \
-    const float x = 0.5f * (east[k] + east[k - 1]);                                               \
-    const float y = 0.5f * (south[k] + south[k - stride]);                                        \
+    const float x = 0.25f * (east[k] + east[k - 1]);                                              \
+    const float y = 0.25f * (south[k] + south[k - stride]);                                       \
+    const float u = 0.1767767f * (south_east[k] + south_east[k - stride - 1]);                    \
+    const float v = 0.1767767f * (south_west[k] + south_west[k - stride + 1]);                    \
+    const float across = hydraulic_flushed(x + (u - v));                                          \
+    const float down = hydraulic_flushed(y + (u + v));                                            \
+    const float passing = ROOT(across * across + down * down);                                    \
     const float wet = depth[k] >= thin ? 1.0f : 0.0f;                                             \
     const float wetter = wetness[i] + (wet - wetness[i]) * wetting;                               \
     wetness[i] = wetter < HYDRAULIC_LEAST ? 0.0f : wetter;                                        \
-    discharge[i] = discharge[i] + (ROOT(x * x + y * y) - discharge[i]) * weight;
+    discharge[i] = discharge[i] + (passing - discharge[i]) * weight;
 #ifdef TERRAKIT_CPU
     const int row = (int)get_global_id(0);
     if (row >= rows) return;

@@ -9,21 +9,25 @@ from terrakit.heightfield import Heightfield
 from terrakit.running import Run
 from terrakit.strata import Exposure
 from terrakit_erosion.hydraulic import reference
-from terrakit_erosion.hydraulic.plan import BLOCK, SLIDE, Plan, Weather, turns
+from terrakit_erosion.hydraulic.plan import BLOCK, Beginning, Plan, Weather, turns
 from terrakit_erosion.hydraulic.reference import Counts, Flow, State, Window
 
 
 class NumpyModel:
     """State and totals that change from step to step."""
 
-    def __init__(self, plan: Plan, framed: Heightfield | None, run: Run) -> None:
+    def __init__(self, plan: Plan, begin: Beginning, framed: Heightfield | None, run: Run) -> None:
         self._plan = plan
         self._window = Window(*plan.shape)
-        self._state, self._after = plan.state(), plan.state()
-        self._rock = plan.frame(plan.rock, plan.frame_bed)
+        load = np.zeros(plan.framed, dtype=np.int32)
+        self._state = State(begin.framed("bed"), begin.framed("depth"), load)
+        self._after = State(*(field.copy() for field in self._state))
+        self._before: Counts | None = None
+        """The water when it was pushed last."""
+        self._rock = begin.framed("rock")
         edges = [np.zeros(plan.framed, dtype=np.float32) for _ in range(4)]
         self._edges = (edges[0], edges[1]), (edges[2], edges[3])
-        self._wetness = plan.wetness.copy()
+        self._wetness = begin.wetness.copy()
         self._discharge = np.zeros(plan.shape, dtype=np.float32)
         size = 2 * (plan.shape[0] + plan.shape[1] + 2)
         zero = [np.zeros(size, dtype=np.int64) for _ in range(3)]
@@ -42,6 +46,23 @@ class NumpyModel:
         rain = self._rain(weather)
         for step in range(BLOCK):
             self._step(step, rain, softness)
+        for _ in range(plan.creep_sweeps):
+            self._round_off()
+            reference.slump(
+                self._state,
+                self._after,
+                self._rock,
+                plan.drowned,
+                plan.talus,
+                plan.slide,
+                plan.creep,
+                window,
+                plan.round_the_map,
+            )
+            self._state, self._after = (
+                self._state._replace(bed=self._after.bed),
+                self._after._replace(bed=self._state.bed),
+            )
         for name, loss in (
             ("evaporation", weather.evaporation),
             ("infiltration", weather.infiltration),
@@ -53,30 +74,14 @@ class NumpyModel:
             )
         reference.survey(
             self._state.depth,
-            self._edges[0],
+            self._edges,
             self._wetness,
             self._discharge,
-            plan.thin,
+            plan.wet,
             plan.wetting,
             weather.weight,
             window,
         )
-        for _ in range(plan.creep_sweeps):
-            self._round_off()
-            reference.slump(
-                self._state,
-                self._after,
-                self._rock,
-                plan.talus,
-                SLIDE,
-                plan.creep,
-                window,
-                plan.round_the_map,
-            )
-            self._state, self._after = (
-                self._state._replace(bed=self._after.bed),
-                self._after._replace(bed=self._state.bed),
-            )
 
     def _rain(self, weather: Weather) -> Counts:
         plan = self._plan
@@ -100,9 +105,11 @@ class NumpyModel:
         self._round_off()
         if step % 2 == 0:
             if isinstance(plan.flow, Flow):
-                reference.push(self._edges, self._state, plan.flow, window)
+                before = self._state.depth if self._before is None else self._before
+                reference.push(self._edges, self._state, before, plan.flow, window)
             else:
                 reference.pump(self._edges, self._state, plan.flow, window)
+            self._before = self._state.depth.copy()
         family = step % 2
         steps, edges = window.families[family], self._edges[family]
         at = turns(step)
@@ -110,17 +117,27 @@ class NumpyModel:
             reference.export(
                 self._state, edges, steps, self._through, at, plan.transfer[family], window
             )
-        reference.move(
+        if family == 0:
+            depth, load, _ = reference.carry(
+                self._state, edges, steps, rain, at, plan.transfer[0], window
+            )
+            window(self._after.depth)[:] = depth
+            window(self._after.load)[:] = load
+            self._state, self._after = (
+                self._after._replace(bed=self._state.bed),
+                self._state._replace(bed=self._after.bed),
+            )
+            return
+        reference.work(
             self._state,
             self._after,
             self._rock,
-            edges,
-            steps,
+            self._edges,
             rain,
             softness,
             at,
-            plan.transfer[family],
-            plan.ground[family],
+            plan.transfer[1],
+            plan.ground,
             plan.thin,
             plan.shift,
             window,
@@ -135,13 +152,10 @@ class NumpyModel:
         """Return the heights of the ground, counts."""
         return self._window(self._state.bed).copy()
 
-    def water(self) -> tuple[Counts, Counts, tuple[NDArray[np.float32], NDArray[np.float32]]]:
-        """Return depth and load, counts, and the discharge east and south through each cell."""
-        first, second = self._edges[0]
-        x = np.float32(0.5) * (self._window(first) + self._window(first, -1))
-        y = np.float32(0.5) * (self._window(second) + self._window(second, -self._window.stride))
-        state = State(*(self._window(field).copy() for field in self._state))
-        return state.depth, state.load, (x, y)
+    def water(self) -> tuple[Counts, Counts, NDArray[np.float32]]:
+        """Return depth and load, counts, and the discharge through each cell, m2/s."""
+        _, depth, load = (self._window(field).copy() for field in self._state)
+        return depth, load, reference.passing(self._edges, self._window)
 
     def rock(self) -> Counts:
         """Return the heights of the bedrock, counts."""

@@ -9,7 +9,7 @@ from terrakit.compute import DeviceArray
 from terrakit.heightfield import Heightfield
 from terrakit.running import Run
 from terrakit.strata import Exposure
-from terrakit_erosion.hydraulic.plan import BLOCK, SLIDE, Plan, Weather, turns
+from terrakit_erosion.hydraulic.plan import BLOCK, Beginning, Plan, Weather, turns
 from terrakit_erosion.hydraulic.reference import Counts, Flow
 
 PART = 32
@@ -19,7 +19,7 @@ PART = 32
 class OpenCLModel:
     """State and totals that change from step to step."""
 
-    def __init__(self, plan: Plan, framed: Heightfield | None, run: Run) -> None:
+    def __init__(self, plan: Plan, begin: Beginning, framed: Heightfield | None, run: Run) -> None:
         device = run.device
         assert device is not None
         self._plan, self._device = plan, device
@@ -27,11 +27,14 @@ class OpenCLModel:
         self._program = device.program(__file__, "hydraulic.cl", defines)
         rows, cols = plan.shape
         self._size = np.int32(rows), np.int32(cols)
-        self._state = [device.upload(field) for field in plan.state()]
-        self._after = [device.upload(field) for field in plan.state()]
-        self._rock = device.upload(plan.frame(plan.rock, plan.frame_bed))
+        load = device.zeros(plan.framed, np.int32)
+        self._state = [device.upload(begin.framed(name)) for name in ("bed", "depth")] + [load]
+        self._after = [device.copy(field) for field in self._state]
+        self._before: DeviceArray | None = None
+        """The water when it was pushed last."""
+        self._rock = device.upload(begin.framed("rock"))
         self._edges = [device.zeros(plan.framed) for _ in range(4)]
-        self._wetness = device.upload(plan.wetness)
+        self._wetness = device.upload(begin.wetness)
         self._discharge = device.zeros(plan.shape)
         size = 2 * (rows + cols + 2) if plan.leaves_the_map else 1
         self._through = [device.zeros(size, np.int64) for _ in range(3)]
@@ -55,6 +58,16 @@ class OpenCLModel:
         self._let_rain(weather)
         for step in range(BLOCK):
             self._step(step, weather)
+        for _ in range(plan.creep_sweeps):
+            self._round_off()
+            self._launch_rows(
+                "hydraulic_slump",
+                plan.shape,
+                *(self._state[0], self._after[0], self._rock, self._state[1]),
+                *(np.int32(plan.drowned), np.int32(plan.talus)),
+                *(np.float32(plan.slide), np.float32(plan.creep), np.int32(plan.round_the_map)),
+            )
+            self._state[0], self._after[0] = self._after[0], self._state[0]
         for name, loss in (
             ("evaporation", weather.evaporation),
             ("infiltration", weather.infiltration),
@@ -74,18 +87,9 @@ class OpenCLModel:
         self._launch_rows(
             "hydraulic_survey",
             plan.shape,
-            *(self._state[1], self._edges[0], self._edges[1], self._wetness, self._discharge),
-            *(np.int32(plan.thin), plan.wetting, weather.weight),
+            *(self._state[1], *self._edges, self._wetness, self._discharge),
+            *(np.int32(plan.wet), plan.wetting, weather.weight),
         )
-        for _ in range(plan.creep_sweeps):
-            self._round_off()
-            self._launch_rows(
-                "hydraulic_slump",
-                plan.shape,
-                *(self._state[0], self._after[0], self._rock, np.int32(plan.talus)),
-                *(np.float32(SLIDE), np.float32(plan.creep), np.int32(plan.round_the_map)),
-            )
-            self._state[0], self._after[0] = self._after[0], self._state[0]
 
     def _step(self, step: int, weather: Weather) -> None:
         plan = self._plan
@@ -93,10 +97,14 @@ class OpenCLModel:
         self._round_off()
         bed, depth, load = self._state
         if step % 2 == 0:
+            is_flow = isinstance(plan.flow, Flow)
+            if self._before is None:
+                self._before = self._device.copy(depth)
             self._launch_rows(
-                "hydraulic_flow" if isinstance(plan.flow, Flow) else "hydraulic_pipe",
+                "hydraulic_flow" if is_flow else "hydraulic_pipe",
                 (rows + 3, cols + 4),
-                *(bed, depth, *self._edges, *plan.flow),
+                *((bed, depth, self._before) if is_flow else (bed, depth)),
+                *(*self._edges, *plan.flow),
             )
         family = step % 2
         edges = self._edges[2 * family : 2 * family + 2]
@@ -109,16 +117,25 @@ class OpenCLModel:
                 *(bed, depth, load, *edges, *self._through),
                 *(at.water, at.load, *transfer, *offsets, *self._size),
             )
-        varies = plan.varies
+        count = np.int32(0 if plan.varies else weather.rain)
+        if family == 0:
+            self._launch_rows(
+                "hydraulic_carry",
+                plan.shape,
+                *(depth, self._after[1], load, self._after[2], *edges, self._rain),
+                *(count, at.rain, at.water, at.load, *transfer),
+            )
+            self._state[1:], self._after[1:] = self._after[1:], self._state[1:]
+            return
+        assert self._before is not None
+        self._after[1], self._before = self._before, self._after[1]
         self._launch_rows(
-            "hydraulic_move",
+            "hydraulic_work",
             plan.shape,
-            *(bed, self._after[0], depth, self._after[1], load, self._after[2], *edges),
-            *(self._rock, self._rain, self._softness),
-            np.int32(0 if varies else weather.rain),
-            np.float32(0 if varies else weather.softness),
-            *(*at, *transfer, *plan.ground[family]),
-            *(np.int32(plan.thin), np.int32(plan.shift), *offsets),
+            *(bed, self._after[0], depth, self._after[1], load, self._after[2], *self._edges),
+            *(self._rock, self._rain, self._softness, count),
+            np.float32(0 if plan.varies else weather.softness),
+            *(*at, *transfer, *plan.ground, np.int32(plan.thin), np.int32(plan.shift)),
         )
         self._state, self._after = self._after, self._state
 
@@ -153,7 +170,7 @@ class OpenCLModel:
             if self._is_new("rain", weather.rain):
                 rain = weather.rain if plan.springs is None else weather.rain + plan.springs
                 inside = np.broadcast_to(rain, plan.shape).astype(np.int32)
-                self._device.write(self._rain, plan.frame(inside, 0))
+                self._device.write(self._rain, np.pad(inside, ((2, 3), (2, 2))))
             return
         storms = plan.storms
         epoch, later = divmod(weather.seconds / storms.life, 1.0)
@@ -210,13 +227,22 @@ class OpenCLModel:
         """Return the heights of the ground, counts."""
         return self._within(self._state[0])
 
-    def water(self) -> tuple[Counts, Counts, tuple[NDArray[np.float32], NDArray[np.float32]]]:
-        """Return depth and load, counts, and the discharge east and south through each cell."""
-        half = np.float32(0.5)
-        east, south = self._edges[0].download(), self._edges[1].download()
-        x = half * (east[2:-3, 2:-2] + east[2:-3, 1:-3])
-        y = half * (south[2:-3, 2:-2] + south[1:-4, 2:-2])
-        return self._within(self._state[1]), self._within(self._state[2]), (x, y)
+    def water(self) -> tuple[Counts, Counts, NDArray[np.float32]]:
+        """Return depth and load, counts, and the discharge through each cell, m2/s; the last."""
+        plan = self._plan
+        spare = self._after
+        for field in spare[:2]:  # no longer wanted, and as large as fields of floats
+            self._device.fill(field, 0)
+        self._launch_rows(
+            "hydraulic_survey",
+            plan.shape,
+            *(self._state[1], *self._edges, spare[0], spare[1]),
+            *(np.int32(plan.thin), np.float32(1), np.float32(1)),
+        )
+        rows, cols = plan.shape
+        now = spare[1].download().view(np.float32).reshape(-1)[: rows * cols].reshape(rows, cols)
+        self._edges, self._after = [], []
+        return self._within(self._state[1]), self._within(self._state[2]), now
 
     def rock(self) -> Counts:
         """Return the heights of the bedrock, counts."""

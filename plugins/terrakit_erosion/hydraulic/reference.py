@@ -47,6 +47,8 @@ class Flow(NamedTuple):
     drag: np.float32
     """4 g n^2 times that time."""
     wave_depth: np.float32
+    calming: np.float32
+    """Share of the last rise of deep water that counts as if it were higher."""
     inverse_friction: np.float32
     """1 / n^2."""
     critical: np.float32
@@ -84,13 +86,17 @@ class Transfer(NamedTuple):
 class Ground(NamedTuple):
     """Constants of erosion and deposition."""
 
+    unit: np.float32
+    """Discharge of one count through a diagonal edge in a step, m2/s."""
     bed_slope: np.float32
     water_slope: np.float32
+    bed_slant: np.float32
+    water_slant: np.float32
     water_quantum: np.float32
     friction: np.float32
-    """n, for a discharge in counts."""
+    """Manning's n."""
     capacity: np.float32
-    """Counts of load that a power of 1 count carries."""
+    """Counts of load that a power of 1 m2/s carries."""
     least_slope: np.float32
     threshold: np.float32
     erosion_share: np.float32
@@ -154,7 +160,9 @@ def slope(
     return np.where(s > F(1), F(1), np.where(s < F(-1), F(-1), s))
 
 
-def push(edges: tuple[Edges, Edges], state: State, flow: Flow, window: Window) -> None:
+def push(
+    edges: tuple[Edges, Edges], state: State, before: Counts, flow: Flow, window: Window
+) -> None:
     """Accelerate the discharge through every edge (local inertia, implicit Manning friction).
 
     With h the depth over the higher bed, S the fall of the surface and w the wave depth::
@@ -164,6 +172,10 @@ def push(edges: tuple[Edges, Edges], state: State, flow: Flow, window: Window) -
 
     is the positive root of ``q' + B q'^2 = X``. Beyond half the critical discharge the flow is no
     faster than Manning's, ``h^(5/3) sqrt(S) / n``, since inertia alone would break into waves.
+
+    Water deeper than the wave depth has nothing that stops its waves. There S also counts part of
+    what the surface rose since the last push (``before``), which calms the short ones and leaves
+    steady flow as it is.
     """
     slopes = (flow.bed_slope, flow.water_slope, flow.empty)
     slants = (flow.bed_slant, flow.water_slant, flow.empty_slant)
@@ -185,7 +197,9 @@ def push(edges: tuple[Edges, Edges], state: State, flow: Flow, window: Window) -
             r2 = r * r
             r4 = r2 * r2
             light = np.minimum(h, flow.wave_depth)
-            pushed = q.reshape(-1)[here] + flow.push * light * fall
+            risen = (di - before.reshape(-1)[here]) - (dj - before.reshape(-1)[there])
+            swell = np.where(h > light, flow.calming * (risen.astype(F) * water_slope), F(0))
+            pushed = q.reshape(-1)[here] + flow.push * light * (fall + swell)
             x = np.abs(pushed)
             after = F(2) * x / (F(1) + np.sqrt(F(1) + flow.drag * light * (r4 * r4 * r2) * x))
             h3 = h * h * h
@@ -266,12 +280,45 @@ def outward(edges: Edges, window: Window, steps: tuple[int, int], offset: int) -
     )
 
 
-def move(
+def carry(
+    state: State,
+    edges: Edges,
+    steps: tuple[int, int],
+    rain: Counts,
+    turns: Turns,
+    transfer: Transfer,
+    window: Window,
+) -> tuple[Counts, Counts, tuple[Floats, ...]]:
+    """Move water and load through the edges of one family.
+
+    Returns depth and load after, and the signed outward size of what passed the four edges.
+    """
+    _, d, m = (window(field) for field in state)
+    c = concentration(m, d)
+    own = share(d, outward(edges, window, steps, 0), transfer)
+    flows = outward(edges, window, steps, 0)
+    offsets = (steps[0], -steps[0], steps[1], -steps[1])
+    water, carried, signed = [], [], []
+    for q, offset in zip(flows, offsets, strict=True):
+        _, dj, mj = (window(field, offset) for field in state)
+        theirs = share(dj, outward(edges, window, steps, offset), transfer)
+        size = through(q, transfer.rate, np.where(q > F(0), own, theirs))
+        count = whole_counts(size, turns.water, np.where(q > F(0), dj, d))
+        load = mixed(q, size, c, concentration(mj, dj), transfer.spread, np.minimum(d, dj))
+        grains = whole_counts(np.abs(load), turns.load, np.where(load > F(0), mj, m))
+        water.append(np.where(q > F(0), count, -count))
+        carried.append(np.where(load > F(0), grains, -grains))
+        signed.append(np.where(q > F(0), size, -size))
+    depth = d - ((water[0] + water[1]) + (water[2] + water[3])) + ((rain + turns.rain) >> 5)
+    load_after = m - ((carried[0] + carried[1]) + (carried[2] + carried[3]))
+    return depth, load_after, tuple(signed)
+
+
+def work(
     state: State,
     after: State,
     rock: Counts,
-    edges: Edges,
-    steps: tuple[int, int],
+    edges: tuple[Edges, Edges],
     rain: Counts,
     softness: Floats,
     turns: Turns,
@@ -281,56 +328,55 @@ def move(
     shift: int,
     window: Window,
 ) -> None:
-    """Move water and load through the edges of one family, erode or lay down.
+    """Move water and load through the diagonal edges, then erode or lay down.
 
     Capacity is that of the power of the stream, the smaller of what the surface gives and what
     friction takes::
 
         C = K max(min(max(q sin a, q s), n^2 q^3 / d^(10/3)) - P, 0)
+
+    with ``q sin a`` the mean over the edges of both families.
     """
-    b, d, m = (window(field) for field in state)
-    c = concentration(m, d)
-    own = share(d, outward(edges, window, steps, 0), transfer)
-    flows = outward(edges, window, steps, 0)
-    offsets = (steps[0], -steps[0], steps[1], -steps[1])
-    size, water, carried, falls, beds, tops = [], [], [], [], [], []
-    for q, offset in zip(flows, offsets, strict=True):
-        bj, dj, mj = (window(field, offset) for field in state)
-        theirs = share(dj, outward(edges, window, steps, offset), transfer)
-        passing = through(q, transfer.rate, np.where(q > F(0), own, theirs))
-        count = whole_counts(passing, turns.water, np.where(q > F(0), dj, d))
-        load = mixed(q, passing, c, concentration(mj, dj), transfer.spread, np.minimum(d, dj))
-        grains = whole_counts(np.abs(load), turns.load, np.where(load > F(0), mj, m))
-        size.append(passing)
-        water.append(np.where(q > F(0), count, -count))
-        carried.append(np.where(load > F(0), grains, -grains))
-        falls.append(slope(b, bj, d, dj, ground.bed_slope, ground.water_slope))
-        beds.append(bj)
-        tops.append(np.where(bj == WALL, -WALL, bj + (dj >> shift)))
-    depth = d - ((water[0] + water[1]) + (water[2] + water[3])) + ((rain + turns.rain) >> 5)
-    load_now = m - ((carried[0] + carried[1]) + (carried[2] + carried[3]))
+    axes, diagonals = window.families
+    depth, load, diagonal = carry(state, edges[1], diagonals, rain, turns, transfer, window)
+    b, d, _ = (window(field) for field in state)
+    axial = outward(edges[0], window, axes, 0)
+    beds, tops, worked, falls = [], [], [], []
+    for flows, steps, bed_fall, water_fall in (
+        (axial, axes, ground.bed_slope, ground.water_slope),
+        (diagonal, diagonals, ground.bed_slant, ground.water_slant),
+    ):
+        for q, offset in zip(flows, (steps[0], -steps[0], steps[1], -steps[1]), strict=True):
+            bj, dj = window(state.bed, offset), window(state.depth, offset)
+            beds.append(bj)
+            tops.append(np.where(bj == WALL, -WALL, bj + (dj >> shift)))
+            falls.append(slope(b, bj, d, dj, bed_fall, water_fall))
+            worked.append(np.abs(q) * np.abs(falls[-1]))
 
     # Capacity
-    worked = [s * np.abs(f) for s, f in zip(size, falls, strict=True)]
-    power = F(0.5) * ((worked[0] + worked[1]) + (worked[2] + worked[3]))
-    signed = [np.where(q > F(0), s, -s) for q, s in zip(flows, size, strict=True)]
-    along, down = F(0.5) * (signed[0] - signed[1]), F(0.5) * (signed[2] - signed[3])
+    along_axes = (worked[0] + worked[1]) + (worked[2] + worked[3])
+    slanted = (worked[4] + worked[5]) + (worked[6] + worked[7])
+    power = F(0.25) * (along_axes + slanted * ground.unit)
     rise_x, rise_y = F(0.5) * (falls[0] - falls[1]), F(0.5) * (falls[2] - falls[3])
     sine = power / np.sqrt(F(1) + (rise_x * rise_x + rise_y * rise_y))
-    squared = along * along + down * down
-    passing = np.sqrt(squared)
+    one_way, other_way = diagonal[0] - diagonal[1], diagonal[2] - diagonal[3]
+    half_unit = F(0.35355339) * ground.unit
+    across = F(0.25) * (axial[0] - axial[1]) + F(0.5) * (half_unit * (one_way - other_way))
+    down = F(0.25) * (axial[2] - axial[3]) + F(0.5) * (half_unit * (one_way + other_way))
+    across = np.where(np.abs(across) < F(1e-15), F(0), across)
+    down = np.where(np.abs(down) < F(1e-15), F(0), down)
+    passing = np.sqrt(across * across + down * down)
     driven = np.maximum(sine, ground.least_slope * passing)
-    h = np.maximum(d.astype(F) * ground.water_quantum, THIN)
-    r = inverse_cube_root(h)
+    r = inverse_cube_root(np.maximum(d.astype(F) * ground.water_quantum, THIN))
     r2 = r * r
     fell = np.maximum(passing * (r2 * r2 * r) * ground.friction, F(1e-10))
     spare = np.minimum(driven, passing * (fell * fell)) - ground.threshold
     held = ground.capacity * np.maximum(spare, F(0))
     able = np.where(held < F(0.001), F(0), np.minimum(held, F(2**28)))
-    short_of = able - load_now.astype(F)
+    short_of = able - load.astype(F)
 
     # Erode: never below the lowest neighbour
-    low = np.minimum(np.minimum(beds[0], beds[1]), np.minimum(beds[2], beds[3]))
+    low = np.minimum.reduce(beds)
     fall = np.where(b > low, (b - low) >> 3, 0).astype(np.int32)
     wanted = (np.maximum(short_of, F(0)) * ground.erosion_share + turns.bed).astype(np.int32)
     cut = np.minimum(wanted, fall)
@@ -340,14 +386,14 @@ def move(
     eroded = np.where(dry, 0, of_loose + np.minimum(of_rock, fall << 2))
 
     # Lay down: never above the water beside it
-    top = np.maximum(np.maximum(tops[0], tops[1]), np.maximum(tops[2], tops[3]))
+    top = np.maximum.reduce(tops)
     gap = np.where(top > b, (top - b) >> 1, 0).astype(np.int32)
     settling = (np.maximum(-short_of, F(0)) * ground.deposition_share + turns.bed).astype(np.int32)
-    laid = np.where(dry, load_now, np.minimum(np.minimum(settling, gap), load_now))
+    laid = np.where(dry, load, np.minimum(np.minimum(settling, gap), load))
 
     window(after.bed)[:] = b - eroded + laid
     window(after.depth)[:] = depth
-    window(after.load)[:] = load_now + eroded - laid
+    window(after.load)[:] = load + eroded - laid
     window(rock)[:] = np.minimum(window(rock), window(after.bed))
 
 
@@ -420,13 +466,17 @@ def slump(
     state: State,
     after: State,
     rock: Counts,
+    drowned: int,
     talus: int,
     slide: float,
     creep: float,
     window: Window,
     round_the_map: bool,
 ) -> None:
-    """Let banks steeper than the talus slide, and all ground creep; eight neighbours."""
+    """Let banks steeper than the talus slide, and ground out of the water creep.
+
+    Eight neighbours; creep that comes from raindrops does not reach ground that is drowned.
+    """
     b = window(state.bed)
     rows, cols, stride = window.rows, window.cols, window.stride
     row, col = np.arange(rows)[:, None], np.arange(cols)[None, :]
@@ -441,7 +491,9 @@ def slump(
             d = b - window(state.bed, dr * stride + dc)
             size = np.abs(d)
             beyond = np.where(size > limit, size - limit, 0).astype(F)
-            count = (F(slide) * part * beyond + F(creep) * part * size.astype(F)).astype(np.int32)
+            deep = np.minimum(window(state.depth), window(state.depth, dr * stride + dc))
+            splash = np.where(deep > drowned, F(0), F(creep) * part)
+            count = (F(slide) * part * beyond + splash * size.astype(F)).astype(np.int32)
             moved = np.where(d < 0, -count, count)
             total += moved if round_the_map else np.where(inside, moved, 0)
     window(after.bed)[:] = b - total
@@ -466,23 +518,35 @@ def level(state: State, sea: NDArray[np.uint8], surface: int, shift: int, window
     return given
 
 
+def passing(edges: tuple[Edges, Edges], window: Window) -> Floats:
+    """Return the discharge through each cell, the mean of both families, m2/s."""
+    stride = window.stride
+    x = F(0.25) * (window(edges[0][0]) + window(edges[0][0], -1))
+    y = F(0.25) * (window(edges[0][1]) + window(edges[0][1], -stride))
+    u = F(0.1767767) * (window(edges[1][0]) + window(edges[1][0], -stride - 1))
+    v = F(0.1767767) * (window(edges[1][1]) + window(edges[1][1], -stride + 1))
+    across, down = x + (u - v), y + (u + v)
+    across = np.where(np.abs(across) < F(1e-15), F(0), across)
+    down = np.where(np.abs(down) < F(1e-15), F(0), down)
+    result: Floats = np.sqrt(across * across + down * down)
+    return result
+
+
 def survey(
     depth: Counts,
-    edges: Edges,
+    edges: tuple[Edges, Edges],
     wetness: Floats,
     discharge: Floats,
-    thin: int,
+    wet: int,
     wetting: np.float32,
     weight: np.float32,
     window: Window,
 ) -> None:
     """Note how often a cell is wet, and the mean of what passes it."""
-    x = F(0.5) * (window(edges[0]) + window(edges[0], -1))
-    y = F(0.5) * (window(edges[1]) + window(edges[1], -window.stride))
-    wet = np.where(window(depth) >= thin, F(1), F(0))
-    wetter = wetness + (wet - wetness) * wetting
+    is_wet = np.where(window(depth) >= wet, F(1), F(0))
+    wetter = wetness + (is_wet - wetness) * wetting
     wetness[:] = np.where(wetter < LEAST, F(0), wetter)
-    discharge += (np.sqrt(x * x + y * y) - discharge) * weight
+    discharge += (passing(edges, window) - discharge) * weight
 
 
 def storm(

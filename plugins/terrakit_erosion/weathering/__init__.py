@@ -70,7 +70,7 @@ class Weathering(Erosion):
     lasts: ClassVar = {"duration": 1.0, "distance": 0.5}
     trial: ClassVar = {"duration": 2e4, "distance": 20.0}
 
-    duration: float = parameter(1e5, "Years that pass.", unit="yr", ge=0, le=1e10)
+    duration: float = parameter(3e4, "Years that pass.", unit="yr", ge=0, le=1e10)
     weathering_rate: Maskable = parameter(
         1e-4, "How fast bare, flat rock turns into debris.", unit="m/yr", ge=0, le=1
     )
@@ -84,7 +84,7 @@ class Weathering(Erosion):
         0.3, "With the humped law, how fast bare rock weathers beside the fastest.", ge=0, le=1
     )
     rounding: float = parameter(
-        20.0,
+        5.0,
         "Edges of this radius weather twice as fast; 0 treats them like faces.",
         unit="m",
         ge=0,
@@ -100,17 +100,17 @@ class Weathering(Erosion):
         36.0, "Steepest slope that stays put.", unit="deg", ge=0, lt=90
     )
     distance: float = parameter(
-        100.0, "How far debris creeps: slopes this long come to rest.", unit="m", ge=0, le=1e6
+        50.0, "How far debris creeps: slopes this long come to rest.", unit="m", ge=0, le=1e6
     )
     border: Literal["closed", "open"] = parameter(
         "closed", "Whether debris may leave over the edge of the map."
     )
 
     presets: ClassVar = {
-        "frost": {"weathering_rate": 3e-4, "cover_depth": 0.3, "rounding": 5.0},
-        "desert": {"weathering_rate": 2e-5, "law": "humped", "bare_share": 0.2, "rounding": 10.0},
+        "frost": {"weathering_rate": 3e-4, "cover_depth": 0.3, "rounding": 2.0},
+        "desert": {"weathering_rate": 2e-5, "law": "humped", "bare_share": 0.2},
         "tropical": {"weathering_rate": 1e-4, "cover_depth": 3.0, "law": "humped"},
-        "spheroidal": {"rounding": 100.0},
+        "spheroidal": {"rounding": 40.0},
         "in_place": {"distance": 0.0},
     }
 
@@ -199,6 +199,7 @@ class NumPyFront:
         del run
         self._ground = ground
         self._rate: Floats = np.zeros((), dtype=np.float32)
+        self._carried = np.zeros(ground.height.shape, dtype=np.float32)
         self._swollen = 0
 
     def pace(self, rate: Floats) -> None:
@@ -213,7 +214,7 @@ class NumPyFront:
         rate = np.broadcast_to(self._rate, ground.height.shape)
         if exposure.present:
             rate = np.asarray(exposure.field("softness", ground.bed, rate))
-        produced = produce(ground.height, ground.bed, rate, constants)
+        produced = produce(ground.height, ground.bed, rate, self._carried, constants)
         swell = (np.float32(swelling) * produced.astype(np.float32)).astype(np.int32)
         ground.bed = ground.bed - produced
         ground.height = ground.height + swell
@@ -234,7 +235,7 @@ class OpenCLFront:
         self._program = device.program(__file__, "weathering.cl")
         shape = ground.height.shape
         self._rate, self._paced = device.empty(shape), device.empty(shape)
-        self._produced = device.empty(shape, np.int32)
+        self._carried, self._produced = device.zeros(shape), device.empty(shape, np.int32)
         self._swelling = device.upload(np.zeros(shape, dtype=np.int64))
 
     def pace(self, rate: Floats) -> None:
@@ -254,7 +255,7 @@ class OpenCLFront:
         self._program.launch(
             "weathering_produce",
             (rows,) if self._device.is_cpu else (rows, cols),
-            *(ground.height, ground.bed, rate, self._produced),
+            *(ground.height, ground.bed, rate, self._carried, self._produced),
             *(np.float32(value) for value in constants),
             *(np.int32(rows), np.int32(cols)),
             local=(4,) if self._device.is_cpu else None,

@@ -36,7 +36,9 @@ class Constants(NamedTuple):
     """The most that a step weathers."""
 
 
-def produce(height: Counts, bed: Counts, rate: Floats, constants: Constants) -> Counts:
+def produce(
+    height: Counts, bed: Counts, rate: Floats, carried: Floats, constants: Constants
+) -> Counts:
     """Return how much bedrock turns to debris in a step, quanta.
 
     The rate follows the exposure; under the debris that a step makes it falls already within the
@@ -48,18 +50,24 @@ def produce(height: Counts, bed: Counts, rate: Floats, constants: Constants) -> 
         Height of the ground and of the bedrock, quanta.
     rate
         Depth of bare, flat rock that would weather in a step, quanta.
+    carried
+        What was due before and is less than a quantum; changed in place.
     constants
         See :class:`Constants`.
     """
     steepness, sharpness, shield, hump, depth, deepest = (F(value) for value in constants)
     cover = height - bed
-    y = exact.exp2(shield * cover.astype(F))
-    by = hump * y
-    covered = F(4) * by * (F(1) - by) if hump > 0 else y
     exposed = _exposed(height, steepness, sharpness)
-    q = np.minimum(rate * exposed * covered / depth, F(1e30))
-    gained = np.minimum(depth * _logarithm(q), deepest)
-    return np.where(cover < DEEPEST, (gained + F(0.5)).astype(np.int32), 0).astype(np.int32)
+    with np.errstate(under="ignore"):  # deep under cover nothing weathers
+        y = exact.exp2(shield * cover.astype(F))
+        by = hump * y
+        covered = F(4) * by * (F(1) - by) if hump > 0 else y
+        q = np.minimum(rate * exposed * covered / depth, F(1e30))
+        gained = np.minimum(depth * _logarithm(q), deepest)
+    due = carried + np.where(cover < DEEPEST, gained, F(0))
+    whole = due.astype(np.int32)
+    carried[...] = due - whole.astype(F)
+    return whole
 
 
 def _exposed(height: Counts, steepness: np.float32, sharpness: np.float32) -> Floats:

@@ -41,10 +41,12 @@ __attribute__((always_inline)) inline float weathering_logarithm(float q)
 // rate: depth of bare, flat rock that does, quanta. shield: exponent of 2 by which a quantum of
 // cover slows it. hump: 0 where bare rock is fastest, else B of 4 B y (1 - B y).
 // depth: debris over which production falls by e, quanta of rock. deepest: the most in a step.
+// carried: what was due before and is less than a quantum.
 __kernel void weathering_produce(
     __global const int *restrict height,
     __global const int *restrict bed,
     __global const float *restrict rate,
+    __global float *restrict carried,
     __global int *restrict produced,
     const float steepness,
     const float sharpness,
@@ -66,7 +68,10 @@ __kernel void weathering_produce(
     const float q = wanted < 1e30f ? wanted : 1e30f; \
     const float gained = depth * weathering_logarithm(q); \
     const float limited = gained < deepest ? gained : deepest; \
-    produced[i] = cover < DEEPEST ? (int)(limited + 0.5f) : 0; }
+    const float due = carried[i] + (cover < DEEPEST ? limited : 0.0f); \
+    const int whole = (int)due; \
+    carried[i] = due - (float)whole; \
+    produced[i] = whole; }
 #ifdef TERRAKIT_CPU
     const int row = (int)get_global_id(0);
     if (row >= rows) return;

@@ -69,9 +69,10 @@ class Wind(Erosion):
     )
     fields = 26
     turning: ClassVar = None
+    refinement_tolerance: ClassVar = 0.45
     idle: ClassVar = {"duration": 0.0}
     lasts: ClassVar = {"duration": 1.0}
-    trial: ClassVar = {"duration": 0.2, "sand_depth": 2.0, "abrasion": 1.0}
+    trial: ClassVar = {"duration": 0.2, "sand_depth": 2.0, "abrasion": 1.0, "hop_length": 25.0}
 
     duration: float = parameter(3.0, "Years that it blows.", unit="yr", ge=0, le=1e10)
     wind_speed: float = parameter(
@@ -107,6 +108,9 @@ class Wind(Erosion):
         ge=0,
         le=1e4,
     )
+    patchiness: float = parameter(
+        0.2, "How unevenly that sand lies: 0 as a sheet, 1 in heaps.", ge=0, le=1
+    )
     sand_inflow: float = parameter(
         0.5,
         "Sand that comes in over open borders: 0 none, 1 as much as the wind carries.",
@@ -136,6 +140,9 @@ class Wind(Erosion):
         ge=0,
         le=100,
     )
+    dust: float = parameter(
+        0.5, "Share of worn rock that leaves as dust; the rest is sand.", ge=0, le=1
+    )
     hardness: Maskable = parameter(
         0.0, "Share of erosion that the ground withstands, 0 soft to 1 immovable.", ge=0, le=1
     )
@@ -160,8 +167,13 @@ class Wind(Erosion):
     seed: Seed = parameter(0, "Another number or word lets other gusts blow.")
 
     presets: ClassVar = {
-        "barchan": {"sand_depth": 0.6, "sand_inflow": 0.3, "duration": 4.0},
-        "transverse": {"sand_depth": 4.0, "sand_inflow": 1.0, "duration": 3.0},
+        "barchan": {
+            "sand_depth": 0.7,
+            "patchiness": 1.0,
+            "border": "periodic",
+            "duration": 4.0,
+        },
+        "transverse": {"sand_depth": 4.0, "border": "periodic", "duration": 3.0},
         "seif": {
             "sand_depth": 1.5,
             "winds": [[215.0, 1.0], [325.0, 1.0]],
@@ -175,22 +187,37 @@ class Wind(Erosion):
             "duration": 6.0,
         },
         "yardang": {
-            "sand_depth": 0.05,
-            "sand_inflow": 1.0,
-            "abrasion": 20.0,
+            "sand_depth": 0.1,
+            "border": "periodic",
+            "hop_length": 8.0,
             "wind_speed": 10.0,
-            "duration": 2.0,
+            "abrasion": 20.0,
+            "dust": 1.0,
+            "duration": 1.0,
         },
         "unity_wind": {
             "sand_depth": 0.5,
-            "sand_inflow": 0.5,
-            "abrasion": 5.0,
             "wind_speed": 10.0,
+            "abrasion": 5.0,
             "deflection": 0.5,
             "duration": 0.5,
         },
-        "sand_sheet": {"sand_depth": 0.5, "duration": 0.5, "deflection": 0.5},
-        "nabkha": {"sand_depth": 0.5, "sand_inflow": 1.0, "vegetation": 0.1, "duration": 1.0},
+        "sand_sheet": {"sand_depth": 1.0, "duration": 0.5, "deflection": 0.5},
+        "nabkha": {
+            "sand_depth": 0.3,
+            "sand_inflow": 1.0,
+            "vegetation": [
+                {
+                    "use": "noise",
+                    "basis": "simplex",
+                    "wavelength": 30.0,
+                    "amplitude": 3.0,
+                    "offset": -1.2,
+                },
+                {"use": "clamp", "low": 0.0, "high": 0.9},
+            ],
+            "duration": 1.0,
+        },
     }
 
     @model_validator(mode="after")
@@ -256,7 +283,9 @@ class Wind(Erosion):
             entered += 0 if plan.periodic else plan.entering(hop) * plan.inflow
         bedrock, sand = model.ground()
         end = bedrock + sand
-        self._book(run, plan, surface.cell_area, start, end, (given, entered), model.gone())
+        self._book(
+            run, plan, surface.cell_area, start, end, (given, entered, model.dust()), model.gone()
+        )
         if plan.gusts == 0:
             return surface
         before = {
@@ -314,6 +343,7 @@ class Wind(Erosion):
         winds[-1] = (winds[-1][0], 2.0)
         cycle = max(8 * len(winds), round(min(self.wind_cycle / max(years, 1e-12), 1e9)))
         talus = math.tan(math.radians(self.talus_angle - weather.LAG)) * spacing / quantum
+        shadow_slope = math.tan(math.radians(self.shadow_angle))
         moves = most > 0
         return Plan(
             quanta=quanta,
@@ -325,7 +355,9 @@ class Wind(Erosion):
             winds=tuple(winds),
             gusts_a_cycle=cycle,
             hop=hop,
-            shadow_slope=math.tan(math.radians(self.shadow_angle)),
+            shadow_slope=shadow_slope,
+            longest_shadow=(int(start.max()) - int(start.min())) * quantum / shadow_slope
+            + weather.DUNE_SHADOWS,
             laws=Laws(
                 talus=int(min(talus, 2.0**29)),
                 talus_slanted=int(min(talus * math.sqrt(2.0), 2.0**29)),
@@ -342,6 +374,7 @@ class Wind(Erosion):
             threshold=threshold,
             inflow=int(self.sand_inflow * min(flying, 2.0**24)),
             wears=worn / flying if flying >= 1 else 0.0,
+            dusty=self.dust,
             height_rate=self.speed_up * quantum,
             lowest=float(start.min()),
             seed=run.words(self.name, self.seed),
@@ -356,7 +389,8 @@ class Wind(Erosion):
     ) -> Callable[[float], NDArray[np.int32]]:
         """Return what gives the sand that is to have been laid, in quanta: a little uneven."""
         seed = run.words("wind sand", self.seed, lasting=True)
-        uneven = 1.0 + 0.5 * weather.patches(surface.grid, 12.0 * plan.hop, seed)
+        heaps = 8.0 * weather.patches(surface.grid, 36.0 * plan.hop, seed)
+        uneven = np.maximum(0.0, 1.0 + self.patchiness * (heaps - 1.0))
 
         def at(moment: float) -> NDArray[np.int32]:
             depth = np.asarray(self.value("sand_depth", surface, moment), dtype=np.float64)
@@ -371,12 +405,12 @@ class Wind(Erosion):
         cell_area: float,
         start: NDArray[np.int32],
         end: NDArray[np.int32],
-        brought: tuple[int, int],
+        brought: tuple[int, int, int],
         gone: NDArray[np.int64],
     ) -> None:
         """Book what was there, what was laid, came and left over borders, and what is there now."""
         ledger, volume = run.ledger, plan.quanta.quantum * cell_area
-        given, entered = brought
+        given, entered, dust = brought
         ledger.open("rock", plan.quanta.volume(start, cell_area))
         if given > 0:
             ledger.came("rock", "sand laid", given * volume)
@@ -384,6 +418,8 @@ class Wind(Erosion):
             ledger.left("rock", "sand taken", -given * volume)
         if entered:
             ledger.came("rock", "sand blown in", entered * volume)
+        if dust:
+            ledger.left("rock", "dust", dust * volume)
         rows, cols = plan.shape
         row, col = np.arange(rows)[:, None], np.arange(cols)[None, :]
         whole = np.zeros(plan.shape, dtype=np.int64)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from terrakit.compute import Device, DeviceArray, Program
-from terrakit_erosion.wind.plan import CALM, FLIGHT, MOST_STRESS, Blow, Gust, Plan
+from terrakit_erosion.wind.plan import CALM, FLIGHT, MOST_STRESS, STEEPEST, Blow, Gust, Plan
 
 Counts = NDArray[np.int32]
 Floats = NDArray[np.float32]
@@ -21,8 +21,8 @@ class OpenCLModel:
         self.periodic = np.int32(plan.periodic)
         self.bedrock, self.sand = device.upload(bedrock), device.upload(sand)
         self.air = device.zeros(shape, np.int32)
-        self.shade = device.upload(bedrock + sand)
-        self.after = [device.empty(shape, np.int32) for _ in range(3)]
+        self.shade = device.empty(shape, np.int32)
+        self.after = [device.empty(shape, np.int32) for _ in range(2)]
         self.lift = device.zeros(shape, np.int32)
         self.veer = device.zeros(shape if plan.deflection else 1, np.int32)
         self.across = (np.int32(0), np.int32(0))
@@ -30,12 +30,18 @@ class OpenCLModel:
         self.wide = device.empty(shape) if plan.wide else self.near
         self.work = [device.empty(shape), device.empty(shape)]
         self._gone = device.zeros(1 if plan.periodic else shape, np.int64)
+        self._dust = device.zeros(shape if plan.wears else 1, np.int64)
         self._sent: dict[str, tuple[Floats, bool, DeviceArray]] = {}
         self.plants = device.zeros(1)
         self.program: Program | None = None
 
     def refresh(
-        self, blow: Blow, gusts: int, plants: Floats, softness: Floats | DeviceArray, seed: tuple[int, int]
+        self,
+        blow: Blow,
+        gusts: int,
+        plants: Floats,
+        softness: Floats | DeviceArray,
+        seed: tuple[int, int],
     ) -> None:
         """Compute what the wind lifts and where it veers; wear the rock for the gusts to come."""
         plan, cells = self.plan, np.int32(self.bedrock.size)
@@ -47,9 +53,14 @@ class OpenCLModel:
         soft = self._on("softness", softness, varies)
         self.across = (np.int32(blow.across[0]), np.int32(blow.across[1]))
         stream, other = self.work
-        self.program.launch(
-            "wind_stream", int(cells), self.bedrock, self.sand, self.shade, stream, cells
-        )
+        self.program.launch("wind_ground", int(cells), self.bedrock, self.sand, self.shade, cells)
+        further = self.after[0]
+        for down, right, sinks in blow.shadows:
+            step = np.int32(down), np.int32(right), np.int32(sinks)
+            self._rows("wind_shade", self.shade, further, *step, self.periodic, *self.size)
+            self.shade, further = further, self.shade
+        self.after[0] = further
+        self.program.launch("wind_stream", int(cells), self.shade, stream, cells)
         field = stream
         for step in plan.near:
             self._smooth(field, other, step, 0)
@@ -77,9 +88,17 @@ class OpenCLModel:
         self._rows(
             "wind_lift",
             *(self.near, self.wide if plan.wide else self.near, self.stress, self.plants, soft),
-            *(self.bedrock, self.sand, self.air, self.shade, self.lift, self.veer),
+            *(self.bedrock, self.sand, self.air, self.shade, self.lift, self.veer, self._dust),
             *_floats(*blow.rise, *blow.climb, *blow.aside, plan.height_rate, plan.lowest),
-            *_floats(CALM, MOST_STRESS, plan.threshold, plan.lifted, plan.wears * gusts),
+            *_floats(
+                CALM,
+                STEEPEST,
+                MOST_STRESS,
+                plan.threshold,
+                plan.lifted,
+                plan.wears * gusts,
+                plan.dusty,
+            ),
             *_floats(laws.per_cover, laws.per_shelter, plan.quanta.quantum / FLIGHT),
             *(np.uint32(seed[0]), np.uint32(seed[1]), self.periodic, *self.size),
         )
@@ -87,20 +106,20 @@ class OpenCLModel:
     def blow(self, gust: Gust) -> None:
         """Let one gust carry sand a hop further, and slopes slide."""
         laws = self.plan.laws
-        sand, air, shade = self.after
+        sand, air = self.after
         self._rows(
             "wind_blow",
             *(self.bedrock, self.sand, self.air, self.shade, self.lift, self.plants, self.veer),
-            *(sand, air, shade, self._gone),
+            *(sand, air, self._gone),
             *(np.int32(gust.down), np.int32(gust.right), *self.across),
-            *(np.int32(gust.sinks), np.int32(self.plan.inflow)),
+            np.int32(self.plan.inflow),
             *(np.int32(laws.talus), np.int32(laws.talus_slanted)),
             *_floats(laws.axial, laws.slanted, laws.creep_axial, laws.creep_slanted),
             *_floats(laws.on_rock, laws.on_sand, laws.per_cover, laws.per_shelter),
             *(self.periodic, *self.size),
         )
-        self.after = [self.sand, self.air, self.shade]
-        self.sand, self.air, self.shade = sand, air, shade
+        self.after = [self.sand, self.air]
+        self.sand, self.air = sand, air
 
     def supply(self, more: Counts) -> int:
         """Lay sand down, or take away what there is of it; return the sum of the change."""
@@ -117,6 +136,10 @@ class OpenCLModel:
         """Return what flew out over open borders, counted where it flew from."""
         gone: NDArray[np.int64] = self._gone.download()
         return np.broadcast_to(gone, self.sand.shape)
+
+    def dust(self) -> int:
+        """Return the rock that the wind carried off as dust."""
+        return int(self._dust.download().sum())
 
     def _smooth(
         self,

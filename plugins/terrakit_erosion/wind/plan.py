@@ -30,7 +30,7 @@ SLIDE = 0.3
 """Share of what is steeper than the talus that slides in one gust; the scheme stays monotone."""
 CREEP = 0.005
 """Share of any difference of height that grains level by rolling, in one gust."""
-LAG = 2.5
+LAG = 3.0
 """Degrees below the talus angle at which slides stop: fed from above, slip faces stay at it."""
 ON_ROCK, ON_SAND = 0.2, 0.8
 """Share of the flying sand that lands for good after one hop."""
@@ -40,13 +40,17 @@ SHELTER = 0.4
 """Metres below the wind's stream at which nothing is lifted any more."""
 FLIGHT = 2.0
 """Metres above its surroundings where rock feels half of the grains."""
-PRESS, CALM, RISE = 2.5, 0.5, 1.3
+PRESS, CALM, RISE = 2.5, 0.5, 1.8
 """Stress for a unit of relief over length: on what stands out, in hollows (a share), on slopes."""
+STEEPEST = 0.25
+"""Most stress that a slope adds: on steeper ones the theory, which is linear, ends."""
 SPREAD = math.radians(8.0)
 """How far gusts stray from the wind's direction."""
 REFRESH = 32
 """Gusts until stress is computed anew: dunes are slow."""
 FEWEST_GUSTS = 32
+DUNE_SHADOWS = 200.0
+"""Metres that shadows of dunes still to come may reach, besides those of the first relief."""
 SCALES = 40.0
 """Hops that the longest relief measures which the wind feels."""
 
@@ -88,15 +92,16 @@ class Blow:
     across: tuple[int, int]
     """Cell beside the path, to which sand veers."""
     levels: tuple[Level, ...]
+    shadows: tuple[tuple[int, int, int], ...]
+    """Steps by which shadows lengthen, each twice the last: cells, and quanta that they sink."""
 
 
 @dataclass(frozen=True)
 class Gust:
-    """Where all sand hops to: cells, and the quanta by which shadows sink on the way."""
+    """Where all sand hops to, cells."""
 
     down: int
     right: int
-    sinks: int
 
 
 @dataclass(frozen=True)
@@ -114,6 +119,7 @@ class Plan:
     gusts_a_cycle: int
     hop: float
     shadow_slope: float
+    longest_shadow: float
     laws: Laws
     lifted: float
     """Quanta that a gust lifts where stress is 1, over what the root of stress is above the
@@ -123,6 +129,8 @@ class Plan:
     inflow: int
     wears: float
     """Quanta of rock for a quantum that flies, until stress is computed anew."""
+    dusty: float
+    """Share of worn rock that leaves as dust."""
     height_rate: float
     """Speed-up for each quantum of height."""
     lowest: float
@@ -149,6 +157,21 @@ class Plan:
             reach *= 2
         return tuple(steps)
 
+    def _along(self, direction: float, longest: float, times: int) -> tuple[int, ...]:
+        """Return powers of two, of cells along the wind, as long as so many of them fit the map."""
+        south, east = towards(direction)
+        rows, cols = self.shape
+        steps = []
+        reach = 1
+        while (
+            reach * self.spacing <= longest
+            and round(times * abs(south) * reach) < rows
+            and round(times * abs(east) * reach) < cols
+        ):
+            steps.append(reach)
+            reach *= 2
+        return tuple(steps)
+
     def wind_of(self, gust: int) -> float:
         """Return the direction that the wind comes from."""
         moment = (gust % self.gusts_a_cycle + 0.5) / self.gusts_a_cycle
@@ -163,7 +186,7 @@ class Plan:
         along = east if rows_lie_across else -south  # of a step across, what counts as one
         shift = -shift / along
         levels = []
-        for step in self._steps(0, SCALES * self.hop):
+        for step in self._along(direction, SCALES * self.hop, 2):
             size = step * self.spacing
             levels.append(
                 Level(
@@ -172,12 +195,19 @@ class Plan:
                     PRESS * self.quanta.quantum / size if size >= 0.4 * self.hop else 0.0,
                 )
             )
+        shadows = []
+        for step in self._along(direction, self.longest_shadow, 1):
+            down, right = round(south * step), round(east * step)
+            length = math.hypot(down, right) * self.spacing
+            fall = self.shadow_slope * length / self.quanta.quantum
+            shadows.append((down, right, round(min(fall, 2.0**29))))
         return Blow(
             rise=(RISE * slope * south, RISE * slope * east),
             climb=(2 * slope * south, 2 * slope * east),
             aside=(shift * east, -shift * south),
             across=(1, 0) if rows_lie_across else (0, 1),
             levels=tuple(levels),
+            shadows=tuple(shadows),
         )
 
     def gust(self, number: int) -> Gust:
@@ -196,8 +226,7 @@ class Plan:
         right = math.floor(length * (east * cos - south * sin) + dice[3])
         down = min(max(down, 3 - rows), rows - 3)  # veering by two cells stays within one turn
         right = min(max(right, 3 - cols), cols - 3)
-        fall = self.shadow_slope * math.hypot(down, right) * self.spacing / self.quanta.quantum
-        return Gust(down, right, round(min(fall, 2.0**29)))
+        return Gust(down, right)
 
     def entering(self, gust: Gust) -> int:
         """Return how many cells get their sand from beyond an open border."""
@@ -246,10 +275,11 @@ def patches(grid: Grid, size: float, seed: tuple[int, int]) -> NDArray[np.float3
         x = (cos * east[None, :] - sin * up[:, None]) / length + 0.37 * (octave + 1)
         y = (sin * east[None, :] + cos * up[:, None]) / length + 0.71 * (octave + 1)
         i, j = np.floor(x), np.floor(y)
-        noise = BASES["gradient"].numpy(
-            *(i.astype(np.int64) & 0xFFFFFFFF, j.astype(np.int64) & 0xFFFFFFFF),
-            *((x - i).astype(np.float32), (y - j).astype(np.float32)),
-            *(seed[0] ^ octave, seed[1]),
-        )
+        with np.errstate(under="ignore"):
+            noise = BASES["gradient"].numpy(
+                *(i.astype(np.int64) & 0xFFFFFFFF, j.astype(np.int64) & 0xFFFFFFFF),
+                *((x - i).astype(np.float32), (y - j).astype(np.float32)),
+                *(seed[0] ^ octave, seed[1]),
+            )
         total += np.float32(share / 0.6) * noise
     return np.minimum(np.maximum(total, np.float32(-1)), np.float32(1))

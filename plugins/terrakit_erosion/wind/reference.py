@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from terrakit.compute.exact import hashed, mix, uniform
-from terrakit_erosion.wind.plan import CALM, FLIGHT, MOST_STRESS, Blow, Gust, Plan
+from terrakit_erosion.wind.plan import CALM, FLIGHT, MOST_STRESS, STEEPEST, Blow, Gust, Plan
 
 F = np.float32
 Counts = NDArray[np.int32]
 Floats = NDArray[np.float32]
 DIRECTIONS = ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1))
-DEEP = -(2**30)
 VEERS = range(-2, 3)
 
 
@@ -39,6 +40,7 @@ class NumpyModel:
         self.plants: Floats = np.zeros(1, dtype=F)
         self.across = (0, 0)
         self._gone = np.zeros(sand.shape, dtype=np.int64)
+        self._dust = np.zeros(sand.shape, dtype=np.int64)
 
     def refresh(
         self, blow: Blow, gusts: int, plants: Floats, softness: Floats, seed: tuple[int, int]
@@ -47,7 +49,10 @@ class NumpyModel:
         plan = self.plan
         self.plants, self.across = plants, blow.across
         ground = self.bedrock + self.sand
-        near = np.maximum(self.shade, ground).astype(F)
+        self.shade = ground
+        for down, right, sinks in blow.shadows:
+            self.shade = np.maximum(self.shade, self._at(self.shade, -down, -right) - sinks)
+        near = self.shade.astype(F)
         for step in plan.near:
             near = self._smooth(self._smooth(near, step, 0), 0, step)
         wide = near
@@ -63,7 +68,8 @@ class NumpyModel:
         to_south, to_east = self._rises(near)
         # Stress: the relief's, the slope's, and that of height
         bump = stress - F(1)
-        slope = F(blow.rise[0]) * to_south + F(blow.rise[1]) * to_east
+        rise = F(blow.rise[0]) * to_south + F(blow.rise[1]) * to_east
+        slope = np.where(rise < F(STEEPEST), rise, F(STEEPEST))
         speed = F(1) + F(plan.height_rate) * (near - F(plan.lowest))
         raw = (F(1) + np.where(bump < 0, F(CALM) * bump, bump) + slope) * (speed * speed)
         pull = np.where(raw > 0, np.where(raw < F(MOST_STRESS), raw, F(MOST_STRESS)), F(0))
@@ -71,10 +77,10 @@ class NumpyModel:
         carries = F(plan.lifted) * pull * np.where(excess > 0, excess, F(0))
         rows, cols = ground.shape
         dice = hashed(seed, np.arange(rows)[:, None], np.arange(cols)[None, :])
-        gusty = F(0.8) + F(0.4) * uniform(dice)
+        gusty = F(0.95) + F(0.1) * uniform(dice)
         self.lift = (carries * gusty * (F(1) - plants)).astype(np.int32)
         if plan.wears > 0:
-            self._wear(blow, F(plan.wears * gusts), ground, wide, to_south, to_east, softness)
+            self._wear(blow, F(plan.wears * gusts), ground, near, wide, to_south, to_east, softness)
         if plan.deflection:
             near_aside = F(blow.aside[0]) * to_south + F(blow.aside[1]) * to_east
             wide_south, wide_east = self._rises(wide)
@@ -89,6 +95,7 @@ class NumpyModel:
         blow: Blow,
         wears: np.float32,
         ground: Counts,
+        near: Floats,
         wide: Floats,
         to_south: Floats,
         to_east: Floats,
@@ -101,12 +108,14 @@ class NumpyModel:
         bare = np.where(cover < 1, F(1) - cover, F(0)) * np.where(below < 1, F(1) - below, F(0))
         climb = F(blow.climb[0]) * to_south + F(blow.climb[1]) * to_east
         facing = np.where(climb > F(-0.25), F(0.25) + climb, F(0))
-        above = (ground.astype(F) - wide) * F(self.plan.quanta.quantum / FLIGHT)
+        above = (near - wide) * F(self.plan.quanta.quantum / FLIGHT)
         reach = np.where(above > 0, F(1) / (F(1) + above * above), F(1))
         worn = wears * self.air.astype(F) * bare * facing * reach * softness
         rock = np.where(worn < F(2**24), worn, F(2**24)).astype(np.int32)
+        fine = (F(self.plan.dusty) * rock.astype(F)).astype(np.int32)
         self.bedrock = self.bedrock - rock
-        self.sand = self.sand + rock
+        self.sand = self.sand + rock - fine
+        self._dust += fine
 
     def blow(self, gust: Gust) -> None:
         """Let one gust carry sand a hop further, and slopes slide."""
@@ -118,13 +127,9 @@ class NumpyModel:
             out = self._slide(ground, direction, slanted)
             net += out
             gross += np.maximum(out, 0)
-        shade = self._from(self.shade, gust.down, gust.right, DEEP + gust.sinks) - np.int32(
-            gust.sinks
-        )
         arrived = self._arriving(gust)
         # Land: more readily on sand than on rock, among plants, and in the lee
-        below = np.maximum(shade.astype(np.int64) - ground, 0).astype(np.int32).astype(F)
-        below = below * F(laws.per_shelter)
+        below = np.maximum(self.shade - ground, 0).astype(F) * F(laws.per_shelter)
         shelter = np.where(below < 1, below, F(1))
         cover = self.sand.astype(F) * F(laws.per_cover)
         bare = F(laws.on_rock) + (F(laws.on_sand) - F(laws.on_rock)) * np.where(
@@ -138,7 +143,6 @@ class NumpyModel:
         lifted = np.minimum(wanted, self.sand - gross)
         self.sand = self.sand - net + laid - lifted
         self.air = arrived - laid + lifted
-        self.shade = np.maximum(shade, ground)
 
     def _slide(self, ground: Counts, direction: tuple[int, int], slanted: bool) -> Counts:
         """Return what slides and creeps to the neighbour in one direction, or comes from it."""
@@ -222,7 +226,7 @@ class NumpyModel:
             self._at(field, 0, 1) - self._at(field, 0, -1),
         )
 
-    def _at(self, field: Floats, down: int, right: int) -> Floats:
+    def _at(self, field: NDArray[Any], down: int, right: int) -> NDArray[Any]:
         """Return for every cell the value at (row + down, col + right), or the border's."""
         rows, cols = field.shape
         row, col = np.arange(rows) + down, np.arange(cols) + right
@@ -245,3 +249,7 @@ class NumpyModel:
     def gone(self) -> NDArray[np.int64]:
         """Return what flew out over open borders, counted where it flew from."""
         return self._gone
+
+    def dust(self) -> int:
+        """Return the rock that the wind carried off as dust."""
+        return int(self._dust.sum())

@@ -12,8 +12,6 @@
 #define VARYING(field, i) field[0]
 #endif
 
-#define WIND_DEEP (-1073741824)
-
 typedef struct {
     int talus;             // difference to an axial neighbour that holds, quanta
     int talus_slanted;
@@ -60,9 +58,9 @@ __attribute__((always_inline)) inline int wind_slide(
 // One gust at one cell. The offsets of its neighbours are 0 where there is none.
 __attribute__((always_inline)) inline void wind_cell(
     __global const int *bedrock, __global const int *sand, __global const int *lift,
-    __global const float *plants, __global int *sand_after, __global int *air_after,
-    __global int *shade_after, int i, int n, int s_, int w, int e, int nw, int ne, int sw, int se,
-    int arrived, int shade, WindLaws laws)
+    __global const float *plants, __global const int *shade, __global int *sand_after,
+    __global int *air_after, int i, int n, int s_, int w, int e, int nw, int ne, int sw, int se,
+    int arrived, WindLaws laws)
 {
     const int s = sand[i];
     const int h = bedrock[i] + s;
@@ -77,7 +75,8 @@ __attribute__((always_inline)) inline void wind_cell(
     WIND_SLIDE(sw, laws.talus_slanted, laws.slanted, laws.creep_slanted)
     WIND_SLIDE(se, laws.talus_slanted, laws.slanted, laws.creep_slanted)
     // Land: more readily on sand than on rock, among plants, and in the lee
-    const float below = (float)(shade > h ? shade - h : 0) * laws.per_shelter;
+    const int above = shade[i] - h;
+    const float below = (float)(above > 0 ? above : 0) * laws.per_shelter;
     const float shelter = below < 1.0f ? below : 1.0f;
     const float cover = (float)s * laws.per_cover;
     const float bare = laws.on_rock
@@ -92,7 +91,6 @@ __attribute__((always_inline)) inline void wind_cell(
     const int lifted = wanted < there ? wanted : there;
     sand_after[i] = s - net + laid - lifted;
     air_after[i] = arrived - laid + lifted;
-    shade_after[i] = shade > h ? shade : h;
 }
 
 #ifdef WIND_VEER
@@ -110,8 +108,8 @@ __attribute__((always_inline)) inline int wind_veered(
 }
 #endif
 
-// One gust: sand and shadow come in from (row - down, col - right), sand lands and is lifted,
-// slopes slide. gone: what flew out over open borders, counted where it flew from.
+// One gust: sand flies in from (row - down, col - right), lands and is lifted, slopes slide.
+// gone: what flew out over open borders, counted where it flew from.
 __kernel void wind_blow(
     __global const int *bedrock,
     __global const int *sand,
@@ -122,13 +120,11 @@ __kernel void wind_blow(
     __global const int *veer,
     __global int *sand_after,
     __global int *air_after,
-    __global int *shade_after,
     __global long *gone,
     const int down,
     const int right,
     const int across_row,
     const int across_col,
-    const int sinks,
     const int inflow,
     const int talus,
     const int talus_slanted,
@@ -174,8 +170,8 @@ __kernel void wind_blow(
     const int se = s ? s + 1 : 0;
     _Pragma("clang loop vectorize(assume_safety)")
     for (int i = start + first; i < start + last; ++i) {
-        wind_cell(bedrock, sand, lift, plants, sand_after, air_after, shade_after, i, n, s, -1, 1,
-                  nw, ne, sw, se, air[i + source], shade[i + source] - sinks, laws);
+        wind_cell(bedrock, sand, lift, plants, shade, sand_after, air_after, i, n, s, -1, 1,
+                  nw, ne, sw, se, air[i + source], laws);
     }
     if (!periodic) {
         const int all_leave = row + down < 0 || row + down >= rows;
@@ -219,24 +215,67 @@ __kernel void wind_blow(
         const int stays = to_row >= 0 && to_row < rows && to_col >= 0 && to_col < cols;
         if (!periodic && !stays) gone[i] += air[i];
 #endif
-        wind_cell(bedrock, sand, lift, plants, sand_after, air_after, shade_after, i, n, s, w, e,
+        wind_cell(bedrock, sand, lift, plants, shade, sand_after, air_after, i, n, s, w, e,
                   n && w ? n + w : 0, n && e ? n + e : 0, s && w ? s + w : 0, s && e ? s + e : 0,
-                  arrived, inside ? shade[j] - sinks : WIND_DEEP, laws);
+                  arrived, laws);
     }
 }
 
-// Where the wind's stream runs: over the ground, and over the hollows behind dunes.
-__kernel void wind_stream(
-    __global const int *bedrock,
-    __global const int *sand,
-    __global const int *shade,
-    __global float *stream,
-    const int cells)
+// Height of the ground, from which shadows start.
+__kernel void wind_ground(
+    __global const int *bedrock, __global const int *sand, __global int *shade, const int cells)
 {
     const int i = (int)get_global_id(0);
-    if (i >= cells) return;
-    const int h = bedrock[i] + sand[i];
-    stream[i] = (float)(shade[i] > h ? shade[i] : h);
+    if (i < cells) shade[i] = bedrock[i] + sand[i];
+}
+
+// Shadows reach once as far again: what lies in the lee is below a line that sinks downwind.
+__kernel void wind_shade(
+    __global const int *shade,
+    __global int *further,
+    const int down,
+    const int right,
+    const int sinks,
+    const int periodic,
+    const int rows,
+    const int cols)
+{
+#ifdef TERRAKIT_CPU
+    const int row = (int)get_global_id(0);
+    if (row >= rows) return;
+#else
+    const int column = (int)get_global_id(0);
+    const int row = (int)get_global_id(1);
+    if (row >= rows || column >= cols) return;
+#endif
+    // Held at an open border, it starts from a cell of the border itself
+    const int m = row * cols;
+    const int from = wind_inside(row - down, rows, periodic) * cols;
+#ifdef TERRAKIT_CPU
+    const int first = right > 0 ? right : 0;
+    const int last = right < 0 ? cols + right : cols;
+    _Pragma("clang loop vectorize(assume_safety)")
+    for (int col = first; col < last; ++col) {
+        const int line = shade[from + col - right] - sinks;
+        further[m + col] = shade[m + col] > line ? shade[m + col] : line;
+    }
+    for (int col = 0; col < cols; ++col) {
+        if (col == first && first < last) col = last;
+        if (col == cols) break;
+#else
+    const int col = column;
+    {
+#endif
+        const int line = shade[from + wind_inside(col - right, cols, periodic)] - sinks;
+        further[m + col] = shade[m + col] > line ? shade[m + col] : line;
+    }
+}
+
+// The wind's stream runs over the ground, and over the hollows behind dunes.
+__kernel void wind_stream(__global const int *shade, __global float *stream, const int cells)
+{
+    const int i = (int)get_global_id(0);
+    if (i < cells) stream[i] = (float)shade[i];
 }
 
 #define WIND_FIVE(m, b, c, a, d) \
@@ -317,6 +356,7 @@ __kernel void wind_lift(
     __global const int *shade,
     __global int *lift,
     __global int *veer,
+    __global long *dust,
     const float rise_row,
     const float rise_col,
     const float climb_row,
@@ -326,10 +366,12 @@ __kernel void wind_lift(
     const float height_rate,
     const float lowest,
     const float calm,
+    const float steepest,
     const float most,
     const float threshold,
     const float amount,
     const float wears,
+    const float dusty,
     const float per_cover,
     const float per_shelter,
     const float per_flight,
@@ -363,14 +405,15 @@ __kernel void wind_lift(
         const float to_east = near[e] - near[w];
         // Stress: the relief's, the slope's, and that of height
         const float bump = stress[i] - 1.0f;
-        const float slope = rise_row * to_south + rise_col * to_east;
+        const float rise = rise_row * to_south + rise_col * to_east;
+        const float slope = rise < steepest ? rise : steepest;
         const float speed = 1.0f + height_rate * (near[i] - lowest);
         const float raw = (1.0f + (bump < 0.0f ? calm * bump : bump) + slope) * (speed * speed);
         const float pull = raw > 0.0f ? (raw < most ? raw : most) : 0.0f;
         const float excess = sqrt(pull) - threshold;
         const float carries = amount * pull * (excess > 0.0f ? excess : 0.0f);
         const uint hash = exact_hash(seed_low, seed_high, row, col);
-        const float gusty = 0.8f + 0.4f * exact_uniform(hash);
+        const float gusty = 0.95f + 0.1f * exact_uniform(hash);
         lift[i] = (int)(carries * gusty * (1.0f - VARYING(plants, i)));
         // Grains fly low and wear what faces them, where no sand lies and no lee is
         if (wears > 0.0f) {
@@ -381,13 +424,15 @@ __kernel void wind_lift(
                              * (below < 1.0f ? 1.0f - below : 0.0f);
             const float climb = climb_row * to_south + climb_col * to_east;
             const float facing = climb > -0.25f ? 0.25f + climb : 0.0f;
-            const float above = ((float)ground - wide[i]) * per_flight;
+            const float above = (near[i] - wide[i]) * per_flight;
             const float reach = above > 0.0f ? 1.0f / (1.0f + above * above) : 1.0f;
             const float worn = wears * (float)air[i] * bare * facing * reach
                              * VARYING(softness, i);
             const int rock = (int)(worn < 16777216.0f ? worn : 16777216.0f);
+            const int fine = (int)(dusty * (float)rock);
             bedrock[i] -= rock;
-            sand[i] += rock;
+            sand[i] += rock - fine;
+            dust[i] += fine;
         }
 #ifdef WIND_VEER
         // Aside from what rises beside the path, near and wide
