@@ -174,12 +174,9 @@ def _compare(operator: Any, subject: Any, chosen: DeviceInfo) -> tuple[str, str]
     from terrakit.running import Run
 
     try:
-        made = operator.from_settings({}, operator.name)
-    except ParameterError:
-        try:
-            made = operator.from_settings(operator.trial, operator.name)
-        except ParameterError as error:
-            return "not checked", str(error)
+        made = operator.from_settings(dict(operator.trial), operator.name)
+    except ParameterError as error:
+        return "not checked", str(error)
     try:
         expected, actual = (
             execute(made, subject, Run(1, d, sea_level=0.0)) for d in ("numpy", chosen)
@@ -204,10 +201,11 @@ def _compare(operator: Any, subject: Any, chosen: DeviceInfo) -> tuple[str, str]
 
 
 def _terrain(names: list[str]) -> Any:
-    """Return a small mountain, with whichever layers an operator reads."""
+    """Return a small mountain, with whichever layers, and beds, an operator reads."""
     import numpy as np
 
     from terrakit.heightfield import Heightfield
+    from terrakit.strata import Bed, Strata
 
     rows, cols = CHECK_SHAPE
     row, col = np.mgrid[0:rows, 0:cols]
@@ -218,7 +216,9 @@ def _terrain(names: list[str]) -> Any:
         for name in names
         if name != "elevation"
     }
-    return Heightfield(height.astype(np.float32), CHECK_SPACING, layers=layers)
+    beds = [Bed(material=name, thickness=9.0) for name in ("limestone", "shale")]
+    strata = Strata(beds=tuple(beds), repeated=True) if "strata_datum" in layers else None
+    return Heightfield(height.astype(np.float32), CHECK_SPACING, layers=layers, strata=strata)
 
 
 def _size(folder: Path) -> int:

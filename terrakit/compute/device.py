@@ -324,6 +324,7 @@ class _Opened:
         self._seconds_an_item: dict[str, float] = {}
         self._pending: list[tuple[str, int]] = []
         self._since = 0.0
+        self._expected = 0.0
         self._unsealed = False
 
     def allocate(self, size: int) -> Any:
@@ -376,12 +377,10 @@ class _Opened:
         """Note a launch; return whether the queue should be drained now."""
         if not self._pending:
             self._since = time.perf_counter()
+            self._expected = 0.0
         self._pending.append((name, items))
-        expected = sum(
-            self._seconds_an_item.get(kernel, FIRST_GUESS) * count
-            for kernel, count in self._pending
-        )
-        return expected >= SLICE_SECONDS
+        self._expected += self._seconds_an_item.get(name, FIRST_GUESS) * items
+        return self._expected >= SLICE_SECONDS
 
     def drain(self) -> None:
         """Wait for the queue and learn from the time that it took."""
@@ -390,10 +389,9 @@ class _Opened:
             if not self._pending:
                 return
             taken = time.perf_counter() - self._since
-            expected = sum(self._seconds_an_item.get(k, FIRST_GUESS) * n for k, n in self._pending)
+            ratio = min(4.0, max(0.05, taken / self._expected))
             for kernel in {k for k, _ in self._pending}:
                 known = self._seconds_an_item.get(kernel, FIRST_GUESS)
-                ratio = min(4.0, max(0.05, taken / expected))
                 self._seconds_an_item[kernel] = known * ratio
             self._pending.clear()
             if self._unsealed:

@@ -17,10 +17,13 @@ from terrakit import Grid, Heightfield, Run
 from terrakit.compute import DeviceArray
 from terrakit.compute import device as compute_device
 from terrakit.execute import execute
-from terrakit.operators import Filter, Generator
+from terrakit.operators import Erosion, Filter, Generator
 from terrakit.routing import accumulate, filled, flow_length, outlets, route
+from terrakit_erosion.automaton import Automaton
+from terrakit_erosion.hillslope import Hillslope
 from terrakit_erosion.stream_power import StreamPower
 from terrakit_erosion.thermal import Thermal
+from terrakit_erosion.weathering import Weathering
 from terrakit_filters.amplify import Amplify
 from terrakit_filters.brush import Brush
 from terrakit_filters.dequantise import Dequantise
@@ -85,7 +88,12 @@ def main(listing: Path) -> None:
         lift = {"layer": "hardness", "low": 0.0, "high": 1e-3}
         both(StreamPower(duration=5e4), layered)
         both(StreamPower(duration=5e4, erodibility=lift, uplift_rate=lift), layered)
+        both(Thermal(iterations=2), layered)
+        loose = terrain.with_layers(sediment=9.0 * hardness)
+        for operator in layered_operators() if shape != SHAPES[1] else ():
+            both(operator, loose)
         both(Thermal(iterations=2), terrain.to_mesh())
+        both(Thermal(iterations=2, bedrock_angle=60.0), loose.to_mesh())
         both(Subdivide(amplitude=20.0, smoothing="butterfly"), terrain.to_mesh())
         routed(terrain)
     listing.write_text("\n".join(sorted(launched)))
@@ -144,6 +152,21 @@ def operators() -> list[Thermal | StreamPower]:
         StreamPower(**brief),
         StreamPower(**brief, routing="d8", critical_slope=30.0, slope_exponent=1.4),
         StreamPower(**brief, outlets="border", erodibility=strength, uplift_rate=lift),
+    ]
+
+
+def layered_operators() -> list[Erosion]:
+    """Return erosions that tell loose material from rock, with settings that reach every branch."""
+    varied = {"layer": "hardness", "low": 0.0, "high": 0.05}
+    return [
+        Automaton(iterations=3),
+        Hillslope(duration=500.0, border="open"),
+        Hillslope(duration=100.0, critical_slope=40.0, border="fixed", creep_rate=varied),
+        Hillslope(duration=100.0, soil_only=True, critical_slope=40.0, border="open"),
+        Thermal(iterations=2, supply="debris", border="open"),
+        Thermal(iterations=2, scheme="proportional", bedrock_angle=60.0),
+        Thermal(iterations=2, scheme="proportional", border="open"),
+        Weathering(duration=100.0, distance=20.0, expansion=1.3, law="humped"),
     ]
 
 

@@ -39,7 +39,8 @@
     if (col >= cols || row >= rows) return; \
     const int east = 1; \
     if (row > 0 && row < rows - 1 && col > 0 && col < cols - 1) { \
-        INNER(row * cols + col); \
+        const int i = row * cols + col; \
+        INNER(i); \
     } else { \
         EDGE(row * cols + col, row, col); \
     }

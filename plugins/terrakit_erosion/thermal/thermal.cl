@@ -46,7 +46,8 @@ INLINE int thermal_upper(__global const int *talus, int i, int j, int upper_is_i
     if (col >= cols || row >= rows) return; \
     const int east = 1; \
     if (row > 0 && row < rows - 1 && col > 0 && col < cols - 1) { \
-        INNER(row * cols + col); \
+        const int i = row * cols + col; \
+        INNER(i); \
     } else { \
         EDGE(row * cols + col, row, col); \
     }
