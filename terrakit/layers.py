@@ -29,8 +29,10 @@ VOCABULARY: dict[str, LayerKind] = {
         LayerKind("deposition", "m", "Material laid down since the start of the run."),
         LayerKind("drainage_area", "m2", "Area of land whose water passes through this point."),
         LayerKind("water_depth", "m", "Standing water above the ground."),
-        LayerKind("discharge", "m2/s", "Water that passes, for each metre of width."),
-        LayerKind("flow_speed", "m/s", "How fast the water runs."),
+        LayerKind(
+            "discharge", "m2/s", "Water that passes a metre of width, the mean over the run."
+        ),
+        LayerKind("flow_speed", "m/s", "How fast the water runs, at the end."),
         LayerKind("wetness", "1", "How often the ground is wet, 0 never to 1 always."),
         LayerKind("slope", "deg", "Steepness of the ground."),
         LayerKind("hardness", "1", "Resistance to erosion, 0 soft to 1 immovable."),

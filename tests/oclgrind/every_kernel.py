@@ -21,6 +21,7 @@ from terrakit.operators import Erosion, Filter, Generator
 from terrakit.routing import accumulate, filled, flow_length, outlets, route
 from terrakit_erosion.automaton import Automaton
 from terrakit_erosion.hillslope import Hillslope
+from terrakit_erosion.hydraulic import Hydraulic
 from terrakit_erosion.stream_power import StreamPower
 from terrakit_erosion.thermal import Thermal
 from terrakit_erosion.weathering import Weathering
@@ -92,6 +93,8 @@ def main(listing: Path) -> None:
         loose = terrain.with_layers(sediment=9.0 * hardness)
         for operator in layered_operators() if shape != SHAPES[1] else ():
             both(operator, loose)
+        if shape == SHAPES[0]:
+            both(Hydraulic(storm_duration=0.005), loose, sea_level=300.0)
         both(Thermal(iterations=2), terrain.to_mesh())
         both(Thermal(iterations=2, bedrock_angle=60.0), loose.to_mesh())
         both(Subdivide(amplitude=20.0, smoothing="butterfly"), terrain.to_mesh())
@@ -163,6 +166,14 @@ def layered_operators() -> list[Erosion]:
         Hillslope(duration=500.0, border="open"),
         Hillslope(duration=100.0, critical_slope=40.0, border="fixed", creep_rate=varied),
         Hillslope(duration=100.0, soil_only=True, critical_slope=40.0, border="open"),
+        Hydraulic(storm_duration=0.005),
+        Hydraulic(storm_duration=0.005, scheme="pipe", water_border="periodic"),
+        Hydraulic(
+            storm_duration=0.005,
+            rain_pattern="random",
+            evaporation=50.0,
+            springs=[[20.0, 20.0, 1.0]],
+        ),
         Thermal(iterations=2, supply="debris", border="open"),
         Thermal(iterations=2, scheme="proportional", bedrock_angle=60.0),
         Thermal(iterations=2, scheme="proportional", border="open"),
@@ -170,10 +181,11 @@ def layered_operators() -> list[Erosion]:
     ]
 
 
-def both(operator: object, subject: object) -> Heightfield:
+def both(operator: object, subject: object, sea_level: float = -100.0) -> Heightfield:
     """Return the result on Oclgrind after comparing it with the reference."""
     ours, theirs = (
-        execute(operator, subject, Run(3, name, sea_level=-100.0)) for name in ("oclgrind", "numpy")
+        execute(operator, subject, Run(3, name, sea_level=sea_level))
+        for name in ("oclgrind", "numpy")
     )
     for layer in theirs:
         if not np.array_equal(ours.layer(layer), theirs.layer(layer)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,9 @@ from terrakit.operators import Erosion
 from terrakit.parameters import Maskable, Schedule, Seed, parameter
 from terrakit.quanta import Quanta
 from terrakit.running import Run
+from terrakit.strata import Exposure
 from terrakit_erosion.droplet.plan import (
+    NO_WATER,
     NORTH,
     PARTS,
     SINKS,
@@ -36,9 +38,6 @@ SLUMPS = 0.1
 MOST_LEVELLING = 0.15
 """Largest share of a difference that levels out in a sweep; half of what is stable."""
 MOST_SWEEPS = 16
-SHIELD = 0.05
-"""Thickness of loose material that shields half of what is below, as a share of the spacing."""
-
 _TEXTBOOK = {
     "brush_radius": 24.0,
     "pickup_length": 22.4,
@@ -87,7 +86,7 @@ class Droplet(Erosion):
     lasts: ClassVar = {"rain_depth": 1.0}
     turning: ClassVar = None
     refinement_tolerance: ClassVar = None
-    trial: ClassVar = {"drops_a_cell": 0.5, "longest_path": 300.0, "drops_at_once": 0.125}
+    trial: ClassVar = {"drops_a_cell": 0.25, "longest_path": 250.0, "drops_at_once": 0.125}
 
     rain_depth: Maskable = parameter(
         150.0,
@@ -199,7 +198,9 @@ class Droplet(Erosion):
         else:
             from terrakit_erosion.droplet.opencl import OpenCLModel as Model  # type: ignore[assignment]
         model = Model(plan, run)
+        exposure = Exposure(surface, plan.quanta, run)
         rain = self._rain(surface, 0.0)
+        outcrop: Any = None
         bed = self._bed(surface, 0.0) if plan.is_hard else None
         for number in run.steps(plan.batches):
             fraction = (number + 0.5) / plan.batches
@@ -207,7 +208,9 @@ class Droplet(Erosion):
                 rain = self._rain(surface, fraction)
             if plan.is_hard and isinstance(self.hardness, Schedule):
                 bed = self._bed(surface, fraction)
-            model.batch(number, rain, bed)
+            if exposure.present and number % plan.refresh == 0:
+                outcrop = exposure.field("erodibility", model.bedrock, bed)
+            model.batch(number, rain, outcrop if exposure.present else bed)
             run.offer(
                 lambda: surface.with_layers(
                     elevation=plan.quanta.height(surface.elevation, plan.start, model.height())
@@ -267,7 +270,7 @@ class Droplet(Erosion):
         radius = min(max(self.brush_radius / spacing, LEAST_RADIUS), MOST_RADIUS)
         spread, share, _ = brush(radius)
         way = min(self.longest_path, -math.log(DRY_AT) * self.drying_length)
-        sea = -(2**30)
+        sea = NO_WATER
         if run.sea_level is not None:
             level = run.sea_level / quanta.quantum - quanta.datum
             sea = round(min(max(level, -(2.0**30)), 2.0**30))
@@ -295,12 +298,12 @@ class Droplet(Erosion):
             refresh=max(1, round(REFRESH / self.drops_at_once)),
             is_open=self.border == "open",
             is_laid_down=self.ending == "laid_down",
-            is_hard=hardness > 0,
+            is_hard=hardness > 0 or (surface.strata is not None and "strata_datum" in surface),
             sweeps=sweeps,
             bank=self._bank(quanta, spacing),
             slumps=SLUMPS if self.bank_angle is not None else 0.0,
             levels=levels,
-            shield=SHIELD * spacing / quanta.quantum,
+            shield=BITE * radius,
         )
 
     def _bank(self, quanta: Quanta, spacing: float) -> tuple[int, int]:

@@ -23,6 +23,7 @@
 
 #define DROPLET_MOST 268435456.0f  // parts that one drop may carry: 2^28
 #define DROPLET_COUNTS 16.0f       // smoothed visits are in sixteenths
+#define DROPLET_NO_WATER (-1073741824)
 #define DROPLET_BELOW_ONE 0.99999994f
 
 // How a walk ends; also the row of left[] in which the load is booked.
@@ -275,6 +276,13 @@ DROPLET_INLINE int droplet_step(droplet_drop *drop, const droplet_ground *ground
     const int ended = wet ? DROPLET_SEA : DROPLET_DRY;
     const int goes = drop->idle <= ground->patience ? DROPLET_GOES_ON : ended;
     return !moves ? DROPLET_DRY : (side == DROPLET_GOES_ON ? goes : side);
+}
+
+// Keep the level of water where there is any now: ground that erosion lowers later is no lake.
+__kernel void droplet_dry(__global const int *height, __global int *level, const int cells)
+{
+    const int i = (int)get_global_id(0);
+    if (i < cells && level[i] <= height[i]) level[i] = DROPLET_NO_WATER;
 }
 
 // First walk: count how often each place is visited in this batch.
@@ -765,14 +773,16 @@ __kernel void droplet_apply(
 // What flows from one point to another: banks steeper than they can stand slump, loose material
 // levels out as far as there is any. Seen from the other point it is the exact negative.
 DROPLET_INLINE int droplet_flux(
-    __global const int *height, __global const int *loose, int i, int j, int bank, float slumps,
-    float levels)
+    __global const int *height, __global const int *loose, __global const float *bed, int hard,
+    int i, int j, int bank, float slumps, float levels)
 {
     const int d = height[i] - height[j];
     const int fall = d > 0 ? d : -d;
     const float donor = (float)(d > 0 ? loose[i] : loose[j]);
     const int beyond = fall - bank;
-    const int slumped = (int)(slumps * (float)(beyond > 0 ? beyond : 0));
+    const float gives = hard ? (d > 0 ? bed[i] : bed[j]) : 1.0f;
+    const float share = slumps * (gives < 1.0f ? gives : 1.0f);
+    const int slumped = (int)(share * (float)(beyond > 0 ? beyond : 0));
     const float level = levels * (float)fall;
     const float most = donor * 0.1f;
     const int flux = slumped + (int)(level < most ? level : most);
@@ -803,6 +813,7 @@ DROPLET_INLINE void droplet_lower(
 __kernel void droplet_rest(
     __global const int *height,
     __global const int *loose,
+    __global const float *bed,
     __global int *result,
     __global int *loose_after,
     __global long *held,
@@ -810,6 +821,7 @@ __kernel void droplet_rest(
     const int bank_aslant,
     const float slumps,
     const float levels,
+    const int hard,
     const int open,
     const int rows,
     const int cols)
@@ -822,18 +834,18 @@ __kernel void droplet_rest(
     if (inside) {
         DROPLET_FAST
         for (int i = start + 1; i < start + cols - 1; ++i) {
-            int flux = droplet_flux(height, loose, i, i - 1, bank, slumps, levels);
-            flux += droplet_flux(height, loose, i, i + 1, bank, slumps, levels);
-            flux += droplet_flux(height, loose, i, i - cols, bank, slumps, levels);
-            flux += droplet_flux(height, loose, i, i + cols, bank, slumps, levels);
+            int flux = droplet_flux(height, loose, bed, hard, i, i - 1, bank, slumps, levels);
+            flux += droplet_flux(height, loose, bed, hard, i, i + 1, bank, slumps, levels);
+            flux += droplet_flux(height, loose, bed, hard, i, i - cols, bank, slumps, levels);
+            flux += droplet_flux(height, loose, bed, hard, i, i + cols, bank, slumps, levels);
             flux += droplet_flux(
-                height, loose, i, i - cols - 1, bank_aslant, slumps_aslant, levels_aslant);
+                height, loose, bed, hard, i, i - cols - 1, bank_aslant, slumps_aslant, levels_aslant);
             flux += droplet_flux(
-                height, loose, i, i - cols + 1, bank_aslant, slumps_aslant, levels_aslant);
+                height, loose, bed, hard, i, i - cols + 1, bank_aslant, slumps_aslant, levels_aslant);
             flux += droplet_flux(
-                height, loose, i, i + cols - 1, bank_aslant, slumps_aslant, levels_aslant);
+                height, loose, bed, hard, i, i + cols - 1, bank_aslant, slumps_aslant, levels_aslant);
             flux += droplet_flux(
-                height, loose, i, i + cols + 1, bank_aslant, slumps_aslant, levels_aslant);
+                height, loose, bed, hard, i, i + cols + 1, bank_aslant, slumps_aslant, levels_aslant);
             const int thick = loose[i] - flux;
             result[i] = height[i] - flux;
             loose_after[i] = thick > 0 ? thick : 0;
@@ -849,7 +861,7 @@ __kernel void droplet_rest(
                 if (away || (dr == 0 && dc == 0)) continue;
                 const int aslant = dr != 0 && dc != 0;
                 flux += droplet_flux(
-                    height, loose, i, i + dr * cols + dc, aslant ? bank_aslant : bank,
+                    height, loose, bed, hard, i, i + dr * cols + dc, aslant ? bank_aslant : bank,
                     aslant ? slumps_aslant : slumps, aslant ? levels_aslant : levels);
             }
         }
@@ -865,19 +877,41 @@ __kernel void droplet_rest(
 // A cut is shared among the points that the brush reaches in proportion to how far each gives way,
 // so what does not give way loses nothing. What rounding leaves over stays with the cut.
 
-// How far a point gives way: loose material wholly, bedrock by its softness.
+// How far a point gives way: bedrock by its softness, and loose material wholly, unless it is so
+// thin that a batch, which lowers no place by more than its slope allows, could take all of it.
 __kernel void droplet_soften(
+    __global const int *height,
     __global const int *loose,
     __global const float *bed,
     __global float *soft,
     const float shield,
-    const int cells)
+    const int rows,
+    const int cols)
+{
+    const int col = (int)get_global_id(0);
+    const int row = (int)get_global_id(1);
+    if (row >= rows || col >= cols) return;
+    const int i = row * cols + col;
+    int steepest = 1;
+    for (int dr = row > 0 ? -1 : 0; dr <= (row < rows - 1 ? 1 : 0); ++dr) {
+        for (int dc = col > 0 ? -1 : 0; dc <= (col < cols - 1 ? 1 : 0); ++dc) {
+            const int d = height[i] - height[i + dr * cols + dc];
+            const int fall = d > 0 ? d : -d;
+            steepest = fall > steepest ? fall : steepest;
+        }
+    }
+    const float thick = (float)loose[i];
+    const float share = thick / (thick + shield * (float)steepest);
+    const float gives = bed[i] < 2.0f ? bed[i] : 2.0f;
+    soft[i] = gives + (1.0f - gives) * share;
+}
+
+// Heights without the loose material.
+__kernel void droplet_bare(
+    __global const int *height, __global const int *loose, __global int *bedrock, const int cells)
 {
     const int i = (int)get_global_id(0);
-    if (i >= cells) return;
-    const float thick = (float)loose[i];
-    const float share = thick / (thick + shield);
-    soft[i] = bed[i] + (1.0f - bed[i]) * share;
+    if (i < cells) bedrock[i] = height[i] - loose[i];
 }
 
 // Sum of the brush over a field along rows (step 1) or columns (step cols); 0 beyond the border.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from terrakit.routing import filled, route
 from terrakit.running import Run
 from terrakit_erosion.droplet import reference
-from terrakit_erosion.droplet.plan import KEEP, NORTH, SINKS, WATER, Plan
+from terrakit_erosion.droplet.plan import KEEP, NO_WATER, NORTH, SINKS, WATER, Plan
 
 
 class NumpyModel:
@@ -49,7 +49,9 @@ class NumpyModel:
         cols = plan.start.shape[1]
         if plan.crosses and number % plan.refresh == 0:
             routing = route(self._height, plan.outlet, seed=plan.seed)
-            self._receiver, self._level = routing.receiver, filled(routing, self._height)
+            level = filled(routing, self._height)
+            self._level = np.where(level > self._height, level, np.int32(NO_WATER))
+            self._receiver = routing.receiver
         ground = reference.Ground(
             self._height,
             self._level,
@@ -68,7 +70,7 @@ class NumpyModel:
         visits = reference.smooth(visits, plan.share)
         soft = column = gives = None
         if bed is not None:
-            soft = reference.soften(self._loose, bed, np.float32(plan.shield))
+            soft = reference.soften(self._height, self._loose, bed, np.float32(plan.shield))
             column, gives = reference.reach(soft, plan.spread)
         reference.carry(
             drops,
@@ -93,6 +95,7 @@ class NumpyModel:
             self._height, self._loose, passed = reference.rest(
                 self._height,
                 self._loose,
+                bed,
                 plan.bank,
                 np.float32(plan.slumps),
                 np.float32(plan.levels),

@@ -49,7 +49,7 @@ class OpenCLModel:
         self._outlet = device.upload(plan.outlet)
         self._level = self._receiver = nothing
         self._cuts = self._removed = nothing
-        self._soft = self._column = self._gives = device.zeros(1)
+        self._bed = self._soft = self._column = self._gives = device.zeros(1)
         if plan.is_hard:
             self._cuts, self._removed = device.zeros(shape, _INT), device.empty(shape, _INT)
             self._soft, self._column, self._gives = (device.empty(shape) for _ in range(3))
@@ -57,11 +57,14 @@ class OpenCLModel:
 
     @property
     def bedrock(self) -> DeviceArray:
-        """Heights without the loose material, quanta."""
-        return self._device.upload(self._height.download() - self._loose.download())
+        """Heights without the loose material, quanta; they hold until the next batch."""
+        cells = self._height.size
+        arguments = (self._height, self._loose, self._scratch, _INT(cells))
+        self._program.launch("droplet_bare", cells, *arguments)
+        return self._scratch
 
     def batch(
-        self, number: int, rain: NDArray[np.float32], bed: NDArray[np.float32] | None
+        self, number: int, rain: NDArray[np.float32], bed: NDArray[np.float32] | DeviceArray | None
     ) -> None:
         """Let one batch of drops run.
 
@@ -72,6 +75,8 @@ class OpenCLModel:
         if plan.crosses and number % plan.refresh == 0:
             routing = route(self._height, self._outlet, seed=plan.seed, device=self._device)
             self._receiver, self._level = routing.receiver, filled(routing, self._height)
+            cells = self._height.size
+            self._program.launch("droplet_dry", cells, self._height, self._level, _INT(cells))
         if bed is not None:
             self._soften(bed)
         ground = (self._height, self._level, self._receiver)
@@ -121,9 +126,11 @@ class OpenCLModel:
         for _ in range(plan.sweeps):
             self._over_rows(
                 "droplet_rest",
-                *(self._height, self._loose, self._scratch, self._visits, self._held),
+                *(self._height, self._loose, self._bed),
+                *(self._scratch, self._visits, self._held),
                 *(_INT(plan.bank[0]), _INT(plan.bank[1])),
-                *(np.float32(plan.slumps), np.float32(plan.levels), _INT(plan.is_open), *size),
+                *(np.float32(plan.slumps), np.float32(plan.levels)),
+                *(_INT(plan.is_hard), _INT(plan.is_open), *size),
             )
             self._height, self._scratch = self._scratch, self._height
             self._loose, self._visits = self._visits, self._loose
@@ -154,7 +161,7 @@ class OpenCLModel:
         total: NDArray[np.int64] = self._pending.download().astype(np.int64)
         return total + self._cuts.download() if self._plan.is_hard else total
 
-    def _soften(self, bed: NDArray[np.float32]) -> None:
+    def _soften(self, bed: NDArray[np.float32] | DeviceArray) -> None:
         """Work out how far the ground under the brush gives way."""
         plan = self._plan
         shape = plan.start.shape
@@ -163,8 +170,12 @@ class OpenCLModel:
         reach = _INT(len(plan.spread) - 1)
         launch = self._program.launch
         shield = np.float32(plan.shield)
-        bed_there = self._on_device("bed", bed)
-        launch("droplet_soften", cells, self._loose, bed_there, self._soft, shield, _INT(cells))
+        self._bed = bed if isinstance(bed, DeviceArray) else self._on_device("bed", bed)
+        launch(
+            "droplet_soften",
+            shape,
+            *(self._height, self._loose, self._bed, self._soft, shield, *size),
+        )
         launch("droplet_reach_columns", shape, self._soft, self._column, self._spread, reach, *size)
         launch("droplet_reach_rows", shape, self._column, self._gives, self._spread, reach, *size)
 

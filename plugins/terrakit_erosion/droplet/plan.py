@@ -14,6 +14,8 @@ PARTS = 64
 """Parts in a quantum of height, in which drops take and give."""
 MOST = 2.0**28
 """Parts that one drop may carry."""
+NO_WATER = -(2**30)
+"""Level of lakes and sea where there is none, quanta."""
 COUNTS = 16.0
 """Smoothed visits are in sixteenths."""
 
@@ -75,7 +77,7 @@ class Plan:
     slumps: float
     levels: float
     shield: float
-    """Thickness of loose material that shields half of what is below, quanta."""
+    """Most that a batch takes from a place, over the fall to its steepest neighbour."""
 
     @property
     def batch(self) -> int:

@@ -340,6 +340,7 @@ def apply(
 def rest(
     height: Counts,
     loose: Counts,
+    bed: Floats | None,
     bank: tuple[int, int],
     slumps: np.float32,
     levels: np.float32,
@@ -353,6 +354,8 @@ def rest(
     ----------
     height, loose
         Heights and loose material now, quanta.
+    bed
+        How far bedrock gives way; None where it does wholly.
     bank
         Difference to an axial and a diagonal neighbour that stands, quanta.
     slumps, levels
@@ -370,7 +373,9 @@ def rest(
         fall = np.abs(d)
         donor = np.where(d > 0, loose[here], loose[there]).astype(F)
         beyond = np.maximum(fall - I(bank[slanted]), I(0))
-        slumped = (slumps * quarter * beyond.astype(F)).astype(I)
+        gives = np.ones(1, dtype=F) if bed is None else np.where(d > 0, bed[here], bed[there])
+        slope_share = slumps * quarter * _least(gives, F(1))
+        slumped = (slope_share * beyond.astype(F)).astype(I)
         level, most = levels * quarter * fall.astype(F), donor * F(0.1)
         amount = slumped + np.where(level < most, level, most).astype(I)
         amount = np.where(d > 0, amount, -amount)
@@ -386,11 +391,22 @@ def rest(
 # --- hard ground --------------------------------------------------------------------------------
 
 
-def soften(loose: Counts, bed: Floats, shield: np.float32) -> Floats:
-    """Return how far each point gives way: loose material wholly, bedrock by its softness."""
+def soften(height: Counts, loose: Counts, bed: Floats, shield: np.float32) -> Floats:
+    """Return how far each point gives way.
+
+    Bedrock gives way by its softness, and loose material wholly, unless it is so thin that a batch,
+    which lowers no place by more than ``shield`` times the fall to a neighbour, could take all.
+    """
+    steepest = np.ones_like(height)
+    for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here, there = _apart(height.shape, down, right)
+        fall = np.abs(height[here] - height[there])
+        steepest[here] = np.maximum(steepest[here], fall)
+        steepest[there] = np.maximum(steepest[there], fall)
     thick = loose.astype(F)
-    share = thick / (thick + shield)
-    return bed + (F(1) - bed) * share
+    share = thick / (thick + shield * steepest.astype(F))
+    gives = _least(bed, F(2))
+    return gives + (F(1) - gives) * share
 
 
 def reach(soft: Floats, weights: Floats) -> tuple[Floats, Floats]:

@@ -24,10 +24,10 @@ from terrakit_erosion.hydraulic.plan import (
     Plan,
     Storms,
     Weather,
+    around,
     constants,
-    frames,
 )
-from terrakit_erosion.hydraulic.reference import FULL, THIN, WALL, Counts
+from terrakit_erosion.hydraulic.reference import FULL, THIN, Counts
 from terrakit_erosion.thermal.ground import SIDES, loose_on
 
 HOUR = 3600.0
@@ -40,7 +40,7 @@ MOST_CREEP = 0.15
 WET = 0.01
 """Depth of water that makes ground wet, m; a film of rain is less."""
 DROWNED = 0.1
-"""Depth of water that keeps raindrops off the ground, m."""
+"""Depth of water that keeps raindrops off the ground, m; mud creeps under it, half as fast."""
 MOST_SWEEPS = 32
 STORM_LIFE = 1200.0
 """Seconds in which a storm gives way to the next."""
@@ -96,7 +96,7 @@ class Hydraulic(Erosion):
         "Mei, Decaudin & Hu 2007",
         "Roelvink 2006",
     )
-    fields = 14
+    fields = 25
     idle: ClassVar = {"storm_duration": 0.0}
     lasts: ClassVar = {"storm_duration": 1.0}
     lasts: ClassVar = {"storm_duration": 1.0}
@@ -271,10 +271,40 @@ class Hydraulic(Erosion):
         else:
             from terrakit_erosion.hydraulic.opencl import OpenCLModel as Model  # type: ignore[assignment]
         model = Model(plan, begin, framed, run)
-        first = int(begin.depth.sum(dtype=np.int64))
+        first = begin.water
         del planned, begin  # it is where it is worked with
-        fallen = given = 0
-        done = 0
+        done, fallen, given = self._let_it_rain(surface, plan, model, run)
+        depth, load, passing = model.water()
+        end, rock = model.bed(), model.rock()
+        wetness, discharge = model.means()
+        through = model.through()
+        fallen += model.total("storms")
+        self._book_rock(run, plan, end, load, through[2])
+        self._book_water(run, plan, (first, depth), (fallen, given), through, model)
+        if done == 0:
+            return surface
+        del model, load  # its fields make room for the results
+        metres = plan.metres(depth)
+        speed = passing / np.maximum(metres, np.float32(1e-3))
+        zero = np.float32(0)
+        gained = plan.quanta.metres(end - plan.start)
+        before = {n: surface.layer(n) for n in ("erosion", "deposition") if n in surface}
+        return surface.with_layers(
+            elevation=_heights(surface, plan, end),
+            sediment=plan.quanta.metres(end - rock),
+            erosion=before.get("erosion", zero) + np.maximum(-gained, zero),
+            deposition=before.get("deposition", zero) + np.maximum(gained, zero),
+            water_depth=metres,
+            discharge=discharge,
+            flow_speed=np.minimum(speed, np.float32(surface.spacing / plan.seconds)),
+            wetness=wetness,
+        )
+
+    def _let_it_rain(
+        self, surface: Heightfield, plan: Plan, model: Any, run: Run
+    ) -> tuple[int, int, int]:
+        """Run every block; return how many, and the counts that rain and springs gave."""
+        fallen = given = done = 0
         forecast = self._forecast(surface, plan)
         for block in run.steps(plan.blocks):
             weather = forecast(block)
@@ -286,30 +316,7 @@ class Hydraulic(Erosion):
                 given += int(plan.springs.sum(dtype=np.int64))
             run.check()
             run.offer(lambda: surface.with_layers(elevation=_heights(surface, plan, model.bed())))
-        depth, load, passing = model.water()
-        end, rock = model.bed(), model.rock()
-        wetness, discharge = model.means()
-        through = model.through()
-        fallen += model.total("storms")
-        self._book_rock(run, plan, end, load, through[2])
-        self._book_water(run, plan, (first, depth), (fallen, given), through, model)
-        if done == 0:
-            return surface
-        gained = plan.quanta.metres(end.astype(np.int64) - plan.start)
-        zero = np.float32(0)
-        before = {n: surface.layer(n) for n in ("erosion", "deposition") if n in surface}
-        metres = (depth * np.float64(plan.water_quantum)).astype(np.float32)
-        speed = passing / np.maximum(metres, np.float32(1e-3))
-        return surface.with_layers(
-            elevation=_heights(surface, plan, end),
-            sediment=plan.quanta.metres(end.astype(np.int64) - rock),
-            erosion=before.get("erosion", zero) + np.maximum(-gained, zero),
-            deposition=before.get("deposition", zero) + np.maximum(gained, zero),
-            water_depth=metres,
-            discharge=discharge,
-            flow_speed=np.minimum(speed, np.float32(surface.spacing / plan.seconds)),
-            wetness=wetness,
-        )
+        return done, fallen, given
 
     # --- what is known before the first step ------------------------------------------------
 
@@ -343,11 +350,7 @@ class Hydraulic(Erosion):
         sea, sea_surface = self._sea(surface, quanta, run.sea_level)
         level = self.border_level if self.border_level is not None else run.sea_level
         counted = None if level is None else level / bed - quanta.datum
-        frame_bed, frame_depth = frames(self.water_border, start, spacing, bed, shift, counted)
-        if sea is not None:
-            beside = np.pad(sea, ((2, 3), (2, 2)), mode="edge") != 0
-            frame_bed[beside] = WALL
-            frame_depth[beside] = 0
+        ring = around(self.water_border, start, spacing, bed, shift, counted, sea)
         flow, transfer, ground = constants(
             scheme=self.scheme,
             spacing=spacing,
@@ -401,10 +404,9 @@ class Hydraulic(Erosion):
         dry = np.zeros(surface.shape, np.float32)
         begin = Beginning(
             start,
-            (start - loose_on(surface, quanta)).astype(np.int32),
+            start - loose_on(surface, quanta),
             self._water(surface, start, shift, water, sea, sea_surface, run),
-            frame_bed,
-            frame_depth,
+            ring,
             dry if before is None else np.clip(before, np.float32(0), np.float32(1)),
         )
         return plan, begin

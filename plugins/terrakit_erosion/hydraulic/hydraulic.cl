@@ -15,6 +15,7 @@
 #define HYDRAULIC_STORM_FROM 0.55f // share of a lattice cell's strength that brings no rain
 #define HYDRAULIC_STORM_PEAK 20.37f// so that the mean is 1; measured
 #define HYDRAULIC_LEAST 1e-6f      // counts that count as none
+#define HYDRAULIC_MUD 0.5f         // creep under water, of that under raindrops
 #define HYDRAULIC_SPARE 4          // counts that stay behind, for the rounding of four edges
 
 #ifdef HYDRAULIC_FIELDS
@@ -467,8 +468,8 @@ INLINE int hydraulic_sliding(int d, int talus, float slump, float creep)
     return d < 0 ? -count : count;
 }
 
-// Once a block: banks slump, rain splashes soil downhill, but not under water. Eight neighbours,
-// isotropic.
+// Once a block: banks slump, rain splashes soil downhill; under water mud creeps at half the rate.
+// Eight neighbours, isotropic.
 __kernel void hydraulic_slump(
     __global const int *bed,
     __global int *bed_after,
@@ -485,11 +486,13 @@ __kernel void hydraulic_slump(
     const int stride = cols + 4;
 #define SLIDE(k, j, inside, limit, part)                                                          \
     ((inside) ? hydraulic_sliding(bed[k] - bed[j], limit, slump * part,                           \
-                                  depth[k] > drowned && depth[j] > drowned ? 0.0f : creep * part) \
+                                  creep * part * (depth[k] > drowned && depth[j] > drowned        \
+                                                      ? HYDRAULIC_MUD : 1.0f))                    \
               : 0)
 #define SLUMP(k, col)                                                                             \
     const int slanted = (int)((float)talus * 1.41421356f);                                        \
-    const int west = col > 0 || round_the_map, east = col < cols - 1 || round_the_map;                                              \
+    const int west = col > 0 || round_the_map;                                                    \
+    const int east = col < cols - 1 || round_the_map;                                             \
     const int sum =                                                                               \
         SLIDE(k, k - 1, west, talus, 0.6666667f) + SLIDE(k, k + 1, east, talus, 0.6666667f) +     \
         SLIDE(k, k - stride, north, talus, 0.6666667f) +                                          \

@@ -20,6 +20,8 @@ from terrakit_erosion.hydraulic.reference import (
     Pipe,
     Transfer,
     Turns,
+    Window,
+    ring,
 )
 
 BLOCK = 32
@@ -78,21 +80,34 @@ class Weather(NamedTuple):
     """Share of this block in the means over the run."""
 
 
-class Beginning(NamedTuple):
-    """What the run begins with, which goes to the device; counts, and wetness as a share."""
+class Beginning:
+    """What the run begins with; each field is handed over once, and forgotten.
 
-    bed: Counts
-    rock: Counts
-    depth: Counts
-    frame_bed: Counts
-    frame_depth: Counts
-    """The frame; what is within it does not count."""
-    wetness: Floats
+    Parameters
+    ----------
+    bed, rock, depth
+        Heights of ground and bedrock, and water, counts.
+    ring
+        Height and water of the inner ring of the frame, counts; see :func:`around`.
+    wetness
+        How wet the ground was, 0 to 1.
+    """
+
+    def __init__(
+        self, bed: Counts, rock: Counts, depth: Counts, ring: tuple[Counts, Counts], wetness: Floats
+    ) -> None:
+        self._fields = {"bed": bed, "rock": rock, "depth": depth}
+        self._ring = {"bed": ring[0], "rock": ring[0], "depth": ring[1]}
+        self.wetness = wetness
+        self.water = int(depth.sum(dtype=np.int64))
 
     def framed(self, name: str) -> Counts:
         """Return ``bed``, ``rock`` or ``depth`` with its frame."""
-        field = (self.frame_depth if name == "depth" else self.frame_bed).copy()
-        field[2:-3, 2:-2] = getattr(self, name)
+        inside = self._fields.pop(name)
+        rows, cols = inside.shape
+        field = np.full((rows + 5, cols + 4), 0 if name == "depth" else WALL, dtype=np.int32)
+        field.reshape(-1)[ring(Window(rows, cols))] = self._ring[name]
+        field[2:-3, 2:-2] = inside
         return field
 
 
@@ -144,6 +159,11 @@ class Plan:
     def framed(self) -> tuple[int, int]:
         """Rows and columns with the frame, and the row that nothing reads."""
         return self.start.shape[0] + 5, self.start.shape[1] + 4
+
+    def metres(self, water: Counts) -> Floats:
+        """Return counts of water as metres."""
+        metres: Floats = water.astype(np.float32) * np.float32(self.water_quantum)
+        return metres
 
     @property
     def cell_area(self) -> float:
@@ -212,35 +232,39 @@ def constants(
     return flow, (transfers[0], transfers[1]), ground
 
 
-def frames(
-    border: str, start: Counts, spacing: float, bed_quantum: float, shift: int, level: float | None
+def around(
+    border: str,
+    start: Counts,
+    spacing: float,
+    bed_quantum: float,
+    shift: int,
+    level: float | None,
+    sea: NDArray[np.uint8] | None,
 ) -> tuple[Counts, Counts]:
-    """Return bed and water of the frame.
+    """Return ground and water of the ring around the map, in the order of ``reference.ring``.
 
-    Closed: a wall. Open: the ground falls on beyond the edge as it does before it, between 1 in 50
-    and 1 in 1, and is dry. Fixed: it goes on level, under water up to ``level`` (in counts).
+    Closed, and beside the sea: a wall. Open: the ground falls on beyond the edge as it does before
+    it, between 1 in 50 and 1 in 1, and is dry. Fixed: it goes on level, under water up to ``level``
+    (in counts).
     """
     rows, cols = start.shape
-    bed = np.full((rows + 5, cols + 4), WALL, dtype=np.int32)
+    row, col = np.divmod(ring(Window(rows, cols)), cols + 4)
+    at_edge = np.clip(row - 2, 0, rows - 1), np.clip(col - 2, 0, cols - 1)
+    before = np.clip(row - 2, 1, rows - 2), np.clip(col - 2, 1, cols - 2)
+    bed = np.full(len(row), WALL, dtype=np.int32)
     depth = np.zeros_like(bed)
     if border in ("closed", "periodic"):
         return bed, depth
-    inner = start[1:-1, 1:-1]
-    once = np.pad(start, 1, mode="edge")
+    edge = start[at_edge].astype(np.int64)
     if border == "open":
         step = round(min(spacing / bed_quantum, 2**28))
-        before = np.pad(inner, 2, mode="edge")
-        drop = np.clip(before.astype(np.int64) - once, max(1, step // 50), step)
-        beyond = (once - drop).astype(np.int32)
+        bed[:] = edge - np.clip(start[before] - edge, max(1, step // 50), step)
     else:
-        beyond = once
-    framed = bed[1 : rows + 3, 1 : cols + 3]
-    ring = np.ones(framed.shape, dtype=bool)
-    ring[1:-1, 1:-1] = False
-    framed[ring] = beyond[ring]
-    if border == "fixed" and level is not None:
-        above = np.clip(np.floor(level) - once.astype(np.float64), 0, 2**29 >> shift)
-        depth[1 : rows + 3, 1 : cols + 3][ring] = (above[ring].astype(np.int64) << shift).astype(
-            np.int32
-        )
+        bed[:] = edge
+        if level is not None:
+            above = np.clip(np.floor(level) - edge, 0, 2**29 >> shift)
+            depth[:] = above.astype(np.int64) << shift
+    if sea is not None:
+        beside = sea[at_edge] != 0
+        bed[beside], depth[beside] = WALL, 0
     return bed, depth

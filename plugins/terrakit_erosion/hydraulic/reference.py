@@ -27,6 +27,8 @@ STILL = F(1e-12)
 """Discharge that counts as none, m2/s."""
 LEAST = F(1e-6)
 """Counts that count as none."""
+MUD = F(0.5)
+"""Creep under water, of that under raindrops."""
 SPARE = 4
 STORM_FROM = F(0.55)
 STORM_PEAK = F(20.37)
@@ -473,10 +475,7 @@ def slump(
     window: Window,
     round_the_map: bool,
 ) -> None:
-    """Let banks steeper than the talus slide, and ground out of the water creep.
-
-    Eight neighbours; creep that comes from raindrops does not reach ground that is drowned.
-    """
+    """Let banks steeper than the talus slide, and ground creep, under water at half the rate."""
     b = window(state.bed)
     rows, cols, stride = window.rows, window.cols, window.stride
     row, col = np.arange(rows)[:, None], np.arange(cols)[None, :]
@@ -492,7 +491,7 @@ def slump(
             size = np.abs(d)
             beyond = np.where(size > limit, size - limit, 0).astype(F)
             deep = np.minimum(window(state.depth), window(state.depth, dr * stride + dc))
-            splash = np.where(deep > drowned, F(0), F(creep) * part)
+            splash = F(creep) * part * np.where(deep > drowned, MUD, F(1))
             count = (F(slide) * part * beyond + splash * size.astype(F)).astype(np.int32)
             moved = np.where(d < 0, -count, count)
             total += moved if round_the_map else np.where(inside, moved, 0)

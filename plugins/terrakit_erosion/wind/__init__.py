@@ -67,14 +67,14 @@ class Wind(Erosion):
         "Paris et al. 2019",
         "Lettau & Lettau 1978",
     )
-    fields = 26
+    fields = 36
     turning: ClassVar = None
     refinement_tolerance: ClassVar = 0.45
     idle: ClassVar = {"duration": 0.0}
     lasts: ClassVar = {"duration": 1.0}
     trial: ClassVar = {"duration": 0.2, "sand_depth": 2.0, "abrasion": 1.0, "hop_length": 25.0}
 
-    duration: float = parameter(3.0, "Years that it blows.", unit="yr", ge=0, le=1e10)
+    duration: float = parameter(0.5, "Years that it blows.", unit="yr", ge=0, le=1e10)
     wind_speed: float = parameter(
         8.0,
         "Wind 10 m above ground while sand moves; below 5.5 m/s none does.",
@@ -94,8 +94,8 @@ class Wind(Erosion):
         "Several winds that take turns in place of one: [direction in degrees, weight], ....",
     )
     wind_cycle: float = parameter(
-        0.1,
-        "Years in which all winds have their turn.",
+        0.5,
+        "Years in which all winds have their turn; stars take longer than seifs.",
         unit="yr",
         gt=0,
         le=1e6,
@@ -171,20 +171,24 @@ class Wind(Erosion):
             "sand_depth": 0.7,
             "patchiness": 1.0,
             "border": "periodic",
-            "duration": 4.0,
+            "duration": 2.5,
         },
-        "transverse": {"sand_depth": 4.0, "border": "periodic", "duration": 3.0},
+        "transverse": {"sand_depth": 4.0, "border": "periodic", "duration": 2.0},
         "seif": {
-            "sand_depth": 1.5,
+            "sand_depth": 2.0,
+            "patchiness": 0.05,
             "winds": [[215.0, 1.0], [325.0, 1.0]],
+            "wind_cycle": 0.6,
             "border": "periodic",
             "duration": 6.0,
         },
         "star": {
             "sand_depth": 4.0,
+            "patchiness": 0.05,
             "winds": [[0.0, 1.0], [120.0, 1.0], [240.0, 1.0]],
+            "wind_cycle": 1.5,
             "border": "periodic",
-            "duration": 6.0,
+            "duration": 9.0,
         },
         "yardang": {
             "sand_depth": 0.1,

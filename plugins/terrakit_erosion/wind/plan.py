@@ -22,7 +22,7 @@ THRESHOLD_SPEED = 5.5
 LETTAU = 6.7 * 1.22 / 9.81 / 1650.0
 """Bulk volume of sand that moves (Lettau & Lettau 1978), s2/m: 6.7 rho_air / g / rho_sand."""
 
-MOST_STRESS = 3.0
+MOST_STRESS = 2.25
 """Of that on level ground: what relief can raise it to."""
 GUST = 0.1
 """Sand that one gust moves over a line where the stress is highest, in squares of the spacing."""

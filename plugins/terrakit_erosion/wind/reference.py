@@ -151,16 +151,13 @@ class NumpyModel:
         exists = self._from(np.ones_like(ground), -down, -right, 0)
         difference = np.where(exists == 1, ground - self._from(ground, -down, -right, 0), 0)
         sand_there = self._from(self.sand, -down, -right, 0)
-        steep = np.abs(difference)
-        beyond = np.maximum(steep - (laws.talus_slanted if slanted else laws.talus), 0)
+        talus = laws.talus_slanted if slanted else laws.talus
+        beyond = np.maximum(difference - talus, 0) - np.maximum(-difference - talus, 0)
         share, creep = (
             (laws.slanted, laws.creep_slanted) if slanted else (laws.axial, laws.creep_axial)
         )
-        wanted = (F(share) * beyond.astype(F) + F(creep) * steep.astype(F)).astype(np.int32)
-        most = np.where(difference > 0, self.sand, sand_there) >> 3
-        moved = np.minimum(wanted, most)
-        moved = np.where(exists == 1, moved, 0)
-        return np.where(difference > 0, moved, -moved).astype(np.int32)
+        wanted = (F(share) * beyond.astype(F) + F(creep) * difference.astype(F)).astype(np.int32)
+        return np.maximum(np.minimum(wanted, self.sand >> 3), -(sand_there >> 3))
 
     def _arriving(self, gust: Gust) -> Counts:
         """Return the sand that flies in, and note what flies out over open borders."""

@@ -38,12 +38,13 @@ __attribute__((always_inline)) inline int wind_slide(
     int here, int there, int sand_here, int sand_there, int talus, float share, float creep)
 {
     const int d = here - there;
-    const int steep = d < 0 ? -d : d;
-    const int beyond = steep > talus ? steep - talus : 0;
-    const int wanted = (int)(share * (float)beyond + creep * (float)steep);
-    const int most = (d > 0 ? sand_here : sand_there) >> 3;
-    const int moved = wanted < most ? wanted : most;
-    return d > 0 ? moved : -moved;
+    const int down = d - talus;
+    const int up = -d - talus;
+    const int beyond = (down > 0 ? down : 0) - (up > 0 ? up : 0);
+    const int wanted = (int)(share * (float)beyond + creep * (float)d);
+    const int most = sand_here >> 3;
+    const int least = -(sand_there >> 3);
+    return wanted > most ? most : (wanted < least ? least : wanted);
 }
 
 #define WIND_SLIDE(offset, talus, share, creep) \
