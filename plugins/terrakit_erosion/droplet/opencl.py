@@ -166,7 +166,6 @@ class OpenCLModel:
         plan = self._plan
         shape = plan.start.shape
         size = tuple(_INT(n) for n in shape)
-        cells = int(np.prod(shape))
         reach = _INT(len(plan.spread) - 1)
         launch = self._program.launch
         shield = np.float32(plan.shield)

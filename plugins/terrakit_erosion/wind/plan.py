@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,11 +45,14 @@ PRESS, CALM, RISE = 2.5, 0.5, 1.8
 """Stress for a unit of relief over length: on what stands out, in hollows (a share), on slopes."""
 STEEPEST = 0.25
 """Most stress that a slope adds: on steeper ones the theory, which is linear, ends."""
+EVENLY = tuple(round(2.0**32 / 1.1673039782614187**k) for k in range(1, 5))
+"""Strides of dice that fill all their values evenly, however few gusts there are: powers of the
+root of x^5 = x + 1 (Roberts 2018)."""
 SPREAD = math.radians(8.0)
 """How far gusts stray from the wind's direction."""
 REFRESH = 32
 """Gusts until stress is computed anew: dunes are slow."""
-FEWEST_GUSTS = 32
+FEWEST_GUSTS = 128
 DUNE_SHADOWS = 200.0
 """Metres that shadows of dunes still to come may reach, besides those of the first relief."""
 SCALES = 40.0
@@ -136,6 +140,12 @@ class Plan:
     lowest: float
     seed: tuple[int, int]
 
+    @cached_property
+    def _starts(self) -> tuple[int, ...]:
+        """Where the dice of gusts begin."""
+        words = mix(np.arange(4, dtype=np.uint32) ^ np.uint32(self.seed[0]))
+        return tuple(int(word) for word in mix(words + np.uint32(self.seed[1])))
+
     @property
     def near(self) -> tuple[int, ...]:
         """Steps of the splines that take grain-sized relief off, cells."""
@@ -211,11 +221,10 @@ class Plan:
         )
 
     def gust(self, number: int) -> Gust:
-        """Return one gust: of random length and a little askew, rounded up or down by dice."""
-        first = mix(np.uint32((4 * number) & 0xFFFFFFFF) ^ np.uint32(self.seed[0]))
+        """Return one gust: of any length and a little askew, rounded up or down, by dice."""
         dice = [
-            int(mix((first + np.uint32(k)) ^ np.uint32(self.seed[1]))[0]) * 2.0**-32
-            for k in range(4)
+            ((start + number * stride) & 0xFFFFFFFF) * 2.0**-32
+            for start, stride in zip(self._starts, EVENLY, strict=True)
         ]
         south, east = towards(self.wind_of(number))
         length = self.hop * 2 * dice[0] / self.spacing
