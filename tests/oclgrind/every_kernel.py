@@ -20,11 +20,13 @@ from terrakit.execute import execute
 from terrakit.operators import Erosion, Filter, Generator
 from terrakit.routing import accumulate, filled, flow_length, outlets, route
 from terrakit_erosion.automaton import Automaton
+from terrakit_erosion.droplet import Droplet
 from terrakit_erosion.hillslope import Hillslope
 from terrakit_erosion.hydraulic import Hydraulic
 from terrakit_erosion.stream_power import StreamPower
 from terrakit_erosion.thermal import Thermal
 from terrakit_erosion.weathering import Weathering
+from terrakit_erosion.wind import Wind
 from terrakit_filters.amplify import Amplify
 from terrakit_filters.brush import Brush
 from terrakit_filters.dequantise import Dequantise
@@ -45,6 +47,8 @@ from terrakit_generators.spectral import Spectral
 from terrakit_generators.square_square import SquareSquare
 from terrakit_texturing.strata import LayStrata
 
+UNOPTIMISED = ("hydraulic.cl",)
+"""Kernels in which the optimiser puts instructions that Oclgrind does not know (freeze)."""
 SHAPES = ((3, 3), (16, 16), (17, 5))
 
 
@@ -54,6 +58,7 @@ def main(listing: Path) -> None:
     alive: list[object] = []
     launch = compute_device.Program.launch
     allocate = compute_device._Opened.allocate
+    build = compute_device._Opened.build
 
     def noting(self: compute_device.Program, name: str, *arguments: object, **options: object):
         launched.add(name)
@@ -71,6 +76,11 @@ def main(listing: Path) -> None:
         self.write(target, source.download())
         return target
 
+    def building(self: compute_device._Opened, name: str, text: str, options: tuple[str, ...]):
+        plain = ("-cl-opt-disable",) if name in UNOPTIMISED else ()
+        return build(self, name, text, (*options, *plain))
+
+    compute_device._Opened.build = building
     compute_device.Device.fill = filling
     compute_device.Device.copy = copying
     compute_device.Program.launch = noting
@@ -91,9 +101,11 @@ def main(listing: Path) -> None:
         both(StreamPower(duration=5e4, erodibility=lift, uplift_rate=lift), layered)
         both(Thermal(iterations=2), layered)
         loose = terrain.with_layers(sediment=9.0 * hardness)
-        for operator in layered_operators() if shape != SHAPES[1] else ():
-            both(operator, loose)
+        if shape == SHAPES[2]:
+            for operator in layered_operators():
+                both(operator, loose)
         if shape == SHAPES[0]:
+            both(Droplet(drops_a_cell=1.0, drops_at_once=0.25), layered)
             both(Hydraulic(storm_duration=0.005), loose, sea_level=300.0)
         both(Thermal(iterations=2), terrain.to_mesh())
         both(Thermal(iterations=2, bedrock_angle=60.0), loose.to_mesh())
@@ -161,8 +173,12 @@ def operators() -> list[Thermal | StreamPower]:
 def layered_operators() -> list[Erosion]:
     """Return erosions that tell loose material from rock, with settings that reach every branch."""
     varied = {"layer": "hardness", "low": 0.0, "high": 0.05}
+    drops = {"drops_a_cell": 0.5, "longest_path": 100.0, "drops_at_once": 0.25}
+    gusts = {"duration": 0.01, "sand_depth": 2.0, "hop_length": 40.0, "abrasion": 1.0}
     return [
         Automaton(iterations=3),
+        Droplet(**drops),
+        Droplet(**drops, border="closed", lakes="end", ending="laid_down", hardness="hardness"),
         Hillslope(duration=500.0, border="open"),
         Hillslope(duration=100.0, critical_slope=40.0, border="fixed", creep_rate=varied),
         Hillslope(duration=100.0, soil_only=True, critical_slope=40.0, border="open"),
@@ -178,6 +194,8 @@ def layered_operators() -> list[Erosion]:
         Thermal(iterations=2, scheme="proportional", bedrock_angle=60.0),
         Thermal(iterations=2, scheme="proportional", border="open"),
         Weathering(duration=100.0, distance=20.0, expansion=1.3, law="humped"),
+        Wind(**gusts),
+        Wind(**gusts, border="periodic", deflection=1.0, speed_up=0.01, vegetation=varied),
     ]
 
 

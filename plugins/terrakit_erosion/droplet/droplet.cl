@@ -896,8 +896,8 @@ __kernel void droplet_soften(
     for (int dr = row > 0 ? -1 : 0; dr <= (row < rows - 1 ? 1 : 0); ++dr) {
         for (int dc = col > 0 ? -1 : 0; dc <= (col < cols - 1 ? 1 : 0); ++dc) {
             const int d = height[i] - height[i + dr * cols + dc];
-            const int fall = d > 0 ? d : -d;
-            steepest = fall > steepest ? fall : steepest;
+            steepest = d > steepest ? d : steepest;
+            steepest = -d > steepest ? -d : steepest;
         }
     }
     const float thick = (float)loose[i];

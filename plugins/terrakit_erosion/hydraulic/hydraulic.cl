@@ -462,9 +462,9 @@ __kernel void hydraulic_work(
 // Counts that slide from i to j: what is beyond the talus, and a share of the whole difference.
 INLINE int hydraulic_sliding(int d, int talus, float slump, float creep)
 {
-    const int size = d < 0 ? -d : d;
-    const int beyond = size > talus ? size - talus : 0;
-    const int count = (int)(slump * (float)beyond + creep * (float)size);
+    const int down = d - talus, up = -d - talus;
+    const int beyond = (down > 0 ? down : 0) + (up > 0 ? up : 0);
+    const int count = (int)(slump * (float)beyond + creep * hydraulic_size((float)d));
     return d < 0 ? -count : count;
 }
 
@@ -559,7 +559,8 @@ __kernel void hydraulic_border(
     for (int n = 0; n < 4; ++n) {
         const int step = n < 2 ? one : other;
         const int j = n % 2 ? k - step : k + step;
-        const int jr = j / stride - 2, jc = j % stride - 2;
+        const int line = j / stride;
+        const int jr = line - 2, jc = j - line * stride - 2;
         if (jr < 0 || jr >= rows || jc < 0 || jc >= cols) continue;
         const float flow = n < 2 ? (n % 2 ? -east[j] : east[k]) : (n % 2 ? -south[j] : south[k]);
         const float there = hydraulic_share(depth, east, south, j, one, other, rate, available);
@@ -591,8 +592,9 @@ __kernel void hydraulic_wrap(
     const int above = 4 * stride;
     if (i >= above + 4 * rows) return;
     const int side = i - above;
-    const int row = i < above ? (i / stride < 2 ? i / stride : rows + i / stride) : side / 4 + 2;
-    const int col = i < above ? i % stride : (side % 4 < 2 ? side % 4 : cols + side % 4);
+    const int line = i / stride;
+    const int row = i < above ? (line < 2 ? line : rows + line) : side / 4 + 2;
+    const int col = i < above ? i - line * stride : (side % 4 < 2 ? side % 4 : cols + side % 4);
     const int from = ((row - 2 + 2 * rows) % rows + 2) * stride + (col - 2 + 2 * cols) % cols + 2;
     const int k = row * stride + col;
     bed[k] = bed[from];

@@ -345,7 +345,9 @@ class Wind(Erosion):
             until += weight / total
             winds.append((angle, until))
         winds[-1] = (winds[-1][0], 2.0)
-        cycle = max(8 * len(winds), round(min(self.wind_cycle / max(years, 1e-12), 1e9)))
+        cycle = max(
+            weather.REFRESH * len(winds), round(min(self.wind_cycle / max(years, 1e-12), 1e9))
+        )
         talus = math.tan(math.radians(self.talus_angle - weather.LAG)) * spacing / quantum
         shadow_slope = math.tan(math.radians(self.shadow_angle))
         moves = most > 0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +30,7 @@ SLIDE = 0.3
 """Share of what is steeper than the talus that slides in one gust; the scheme stays monotone."""
 CREEP = 0.005
 """Share of any difference of height that grains level by rolling, in one gust."""
-LAG = 3.0
+LAG = 4.5
 """Degrees below the talus angle at which slides stop: fed from above, slip faces stay at it."""
 ON_ROCK, ON_SAND = 0.2, 0.8
 """Share of the flying sand that lands for good after one hop."""
@@ -45,12 +44,9 @@ PRESS, CALM, RISE = 2.5, 0.5, 1.8
 """Stress for a unit of relief over length: on what stands out, in hollows (a share), on slopes."""
 STEEPEST = 0.25
 """Most stress that a slope adds: on steeper ones the theory, which is linear, ends."""
-EVENLY = tuple(round(2.0**32 / 1.1673039782614187**k) for k in range(1, 5))
-"""Strides of dice that fill all their values evenly, however few gusts there are: powers of the
-root of x^5 = x + 1 (Roberts 2018)."""
 SPREAD = math.radians(8.0)
 """How far gusts stray from the wind's direction."""
-REFRESH = 32
+REFRESH = 8
 """Gusts until stress is computed anew: dunes are slow."""
 FEWEST_GUSTS = 128
 DUNE_SHADOWS = 200.0
@@ -140,12 +136,6 @@ class Plan:
     lowest: float
     seed: tuple[int, int]
 
-    @cached_property
-    def _starts(self) -> tuple[int, ...]:
-        """Where the dice of gusts begin."""
-        words = mix(np.arange(4, dtype=np.uint32) ^ np.uint32(self.seed[0]))
-        return tuple(int(word) for word in mix(words + np.uint32(self.seed[1])))
-
     @property
     def near(self) -> tuple[int, ...]:
         """Steps of the splines that take grain-sized relief off, cells."""
@@ -222,10 +212,8 @@ class Plan:
 
     def gust(self, number: int) -> Gust:
         """Return one gust: of any length and a little askew, rounded up or down, by dice."""
-        dice = [
-            ((start + number * stride) & 0xFFFFFFFF) * 2.0**-32
-            for start, stride in zip(self._starts, EVENLY, strict=True)
-        ]
+        words = mix(np.arange(4, dtype=np.uint32) + np.uint32((4 * number) & 0xFFFFFFFF))
+        dice = (mix(words ^ np.uint32(self.seed[0])) + np.uint32(self.seed[1])) * 2.0**-32
         south, east = towards(self.wind_of(number))
         length = self.hop * 2 * dice[0] / self.spacing
         askew = SPREAD * (2 * dice[1] - 1)
