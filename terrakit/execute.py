@@ -206,7 +206,10 @@ def _check_subject(operator: Operator, subject: Any) -> None:
             if not any(covers((name,), present) for present in surface):
                 raise InputError(f"{operator.name}: needs a layer {name}*; the terrain has none")
         elif name not in surface:
-            raise InputError(f"{operator.name}: needs layer {name!r}; it has: {', '.join(surface)}")
+            known = ", ".join(surface)
+            raise InputError(
+                f"{operator.name}: needs layer {name!r}; it has: {known}{_writers(name)}"
+            )
     if isinstance(operator, (Erosion, Texture)) and isinstance(surface, Heightfield):
         rows, cols = surface.shape
         if min(rows, cols) < SMALLEST:
@@ -214,6 +217,18 @@ def _check_subject(operator: Operator, subject: Any) -> None:
                 f"{operator.name}: the terrain has {rows}x{cols} samples, needs at least "
                 f"{SMALLEST}x{SMALLEST}"
             )
+
+
+def _writers(layer: str) -> str:
+    """Return which steps would write a layer, as the end of a message."""
+    from terrakit.registry import default_registry
+
+    names = [
+        kind.name
+        for kind in default_registry().operators()
+        if layer in kind.writes and layer not in (*kind.reads, *kind.uses)
+    ]
+    return f"; {' or '.join(names[:3])} would write it" if names else ""
 
 
 def _check_surface(operator: Operator, subject: Any, result: Any) -> None:

@@ -289,6 +289,12 @@ def explain(error: ValidationError, model: type[BaseModel], where: str) -> str:
         return f"{where}: {name} is missing{more}"
     value = problem["input"]
     inside = "".join(f"[{part + 1}]" for part in path[1:] if isinstance(part, int))
+    reason = _reason_within(error) if problem["type"] != "value_error" else None
+    if reason is not None:
+        return f"{where}: {name} = {_short(value)}: {reason}{more}"
+    if inside and problem["type"] in ("list_type", "model_type", "dict_type"):
+        wanted = "a list" if problem["type"] == "list_type" else "a table"
+        return f"{where}: {name}{inside} = {_short(value)}: must be {wanted}{more}"
     if problem["type"] in _WITHIN_LISTS and (inside or "length" in _WITHIN_LISTS[problem["type"]]):
         wanted = _WITHIN_LISTS[problem["type"]].format(**error.errors()[0].get("ctx", {}))
         return f"{where}: {name}{inside} = {_short(value)}: must be {wanted}{more}"
@@ -298,6 +304,15 @@ def explain(error: ValidationError, model: type[BaseModel], where: str) -> str:
     message = problem["msg"].removeprefix("Value error, ")
     shown = f"{name} = {_short(value)}: " if name else ""
     return f"{where}: {shown}{message}{more}"
+
+
+def _reason_within(error: ValidationError) -> str | None:
+    """Return what a schedule or a scaled layer says is wrong with itself, if that is it."""
+    for problem in error.errors(include_url=False, include_context=False):
+        kind = "".join(str(part) for part in problem["loc"][1:2])
+        if problem["type"] == "value_error" and kind.endswith(("Schedule]", "FromLayer]")):
+            return str(problem["msg"]).removeprefix("Value error, ")
+    return None
 
 
 def _lists_tables(annotation: Any) -> bool:

@@ -37,6 +37,8 @@ FINEST = 2.0**-22
 """Smallest quantum of water, m."""
 MOST_STEPS = 4_000_000
 MOST_CREEP = 0.15
+DEEPEST = 20000.0
+"""Deepest water above the highest ground, m: deeper than any sea."""
 WET = 0.01
 """Depth of water that makes ground wet, m; a film of rain is less."""
 DROWNED = 0.1
@@ -162,7 +164,11 @@ class Hydraulic(Erosion):
         le=10,
     )
     bank_angle: float = parameter(
-        40.0, "Banks steeper than this slump into the stream.", unit="deg", ge=1, lt=90
+        40.0,
+        "Banks steeper than this slump into the stream, hard or soft.",
+        unit="deg",
+        ge=1,
+        lt=90,
     )
     splash: float = parameter(
         1.0, "Creep of soil under raindrops, which rounds crests.", unit="m2/h", ge=0, le=1e4
@@ -337,10 +343,11 @@ class Hydraulic(Erosion):
         seconds = total / (blocks * BLOCK)
         spacing, (rows, cols) = surface.spacing, surface.shape
         relief = float(surface.elevation.max()) - float(surface.elevation.min())
-        quanta = Quanta.fitting(surface.elevation, min(spacing, 1.0), 1.0 + 0.1 * relief)
+        flooded = self._flooded(surface, run)
+        quanta = Quanta.fitting(surface.elevation, min(spacing, 1.0), 1.0 + 0.1 * relief + flooded)
         bed = quanta.quantum
         spring_volume = sum(spring[2] for spring in self.springs) * total
-        deepest = 1.0 + relief + self._most("rain", surface) * PER_HOUR * total
+        deepest = 1.0 + relief + flooded + self._most("rain", surface) * PER_HOUR * total
         deepest += 4 * spring_volume / (rows * cols * spacing**2)
         water = min(FINEST, bed)
         while FULL * water < deepest and water < bed:
@@ -447,6 +454,20 @@ class Hydraulic(Erosion):
         edge = np.concatenate((parts[0], parts[-1], parts[:, 0], parts[:, -1]))
         sea = np.isin(parts, np.unique(edge[edge > 0]))
         return (sea.astype(np.uint8), level) if sea.any() else (None, 0)
+
+    def _flooded(self, surface: Heightfield, run: Run) -> float:
+        """Return how far water stands above the highest ground when it begins, metres."""
+        peak = float(surface.elevation.max())
+        levels = [level for level in (run.sea_level, self.border_level) if level is not None]
+        flooded = max([0.0, *(level - peak for level in levels)])
+        if "water_depth" in surface:
+            flooded = max(flooded, float(surface.layer("water_depth").max()))
+        if flooded > DEEPEST:
+            raise ParameterError(
+                f"water stands {flooded:g} m above the highest ground, at most {DEEPEST:g} m; "
+                "lower sea_level, border_level or the layer water_depth"
+            )
+        return flooded
 
     def _water(
         self,

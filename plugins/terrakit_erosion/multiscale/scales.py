@@ -68,7 +68,8 @@ def _means(field: Field) -> Field:
     """Return means under the tents of the coarser grid."""
     sums, down = _sums(field.astype(np.float64))
     sums, across = _sums(np.ascontiguousarray(sums.T))
-    means: Field = (sums.T / (down[:, None] * across[None, :])).astype(F)
+    with np.errstate(under="ignore"):
+        means: Field = (sums.T / (down[:, None] * across[None, :])).astype(F)
     return means
 
 

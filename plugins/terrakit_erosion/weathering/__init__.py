@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from terrakit.errors import ParameterError
 from terrakit.heightfield import Heightfield
 from terrakit.operators import Erosion
 from terrakit.parameters import Maskable, Schedule, parameter
@@ -177,7 +178,14 @@ class Weathering(Erosion):
         depth = 2.0 * fastest * self.duration
         spread = depth * self.rounding / spacing**2
         steps = math.ceil(max(depth / (0.1 * spacing), 4.0 * spread))
-        return min(max(steps, FEWEST_STEPS), MOST_STEPS)
+        steps = min(max(steps, FEWEST_STEPS), MOST_STEPS)
+        sweeps = (self.distance / spacing) ** 2 / SHARE
+        if max(sweeps, steps) > MOST_SWEEPS:
+            raise ParameterError(
+                f"distance = {self.distance:g}: debris takes {sweeps:.0f} sweeps at {spacing:g} m "
+                f"spacing, at most {MOST_SWEEPS}; shorten it or use a coarser terrain"
+            )
+        return steps
 
     def _constants(self, quanta: Quanta, spacing: float) -> Constants:
         bare = 1.0 if self.law == "exponential" else self.bare_share

@@ -60,7 +60,11 @@ class LayStrata(Texture):
         True, "Whether the column begins again below its lowest bed and above its uppermost."
     )
     top: float = parameter(
-        0.0, "Height of the top of the column in the middle of the world.", unit="m"
+        0.0,
+        "Height of the top of the column in the middle of the world.",
+        unit="m",
+        ge=-1e6,
+        le=1e6,
     )
     dip: float = parameter(
         0.0, "How steeply the beds are tilted; 3 to 10 makes cuestas.", unit="deg", ge=0, le=80
@@ -155,7 +159,11 @@ class LayStrata(Texture):
             datum = datum + self.fold_amplitude * sine(turn)
         if self.warp_amplitude > 0:
             words = place.words(self.name, self.seed)
-            swells = fbm(place.octaves("gradient", self.warp_wavelength, 3, words))
+            try:
+                octaves = place.octaves("gradient", self.warp_wavelength, 3, words)
+            except ParameterError as error:
+                raise ParameterError(f"warp_{error}") from None
+            swells = fbm(octaves)
             datum = datum + self.warp_amplitude * swells
         if self.fault_throw > 0:
             beyond, _ = place.around(None, self.fault_direction)
