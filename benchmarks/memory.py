@@ -47,14 +47,15 @@ print(json.dumps({"peak": resident("VmHWM") - before, "fields": operator.fields}
 
 BRIEF: dict[str, dict[str, Any]] = {
     "automaton": {"iterations": 5},
-    "droplet": {"drops_a_cell": 0.25},
+    "droplet": {"drops_a_cell": 0.0625},
     "hillslope": {"duration": 1e3},
     "hydraulic": {"storm_duration": 0.02},
     "repeat": {"times": 2, "steps": [{"use": "thermal", "iterations": 5}]},
     "multiscale": {"steps": [{"use": "thermal", "iterations": 5}]},
     "stream_power": {"duration": 5e4},
     "thermal": {"iterations": 5},
-    "wind": {"duration": 0.05},
+    "weathering": {"duration": 1e3, "distance": 20.0},
+    "wind": {"duration": 0.005},
 }
 """Settings with which an operator takes all its memory in little time."""
 

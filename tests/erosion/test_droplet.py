@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from terrakit import Heightfield, ParameterError, Run, Schedule
+from terrakit import Grid, Heightfield, ParameterError, Run, Schedule
 from terrakit.analysis.texture import spike_fraction
 from terrakit.compute import Device, choose_device
 from terrakit.execute import execute
@@ -466,3 +466,13 @@ def test_presets_run_and_bad_values_are_refused() -> None:
     for wrong in ({"hardness": 1.5}, {"brush_radius": 0.0}, {"drops_a_cell": -1.0}):
         with pytest.raises(ParameterError, match=next(iter(wrong))):
             Droplet(**wrong)
+
+
+def test_drops_that_have_ended_stay_off_a_large_map() -> None:
+    if not choose_device(None).is_opencl:
+        pytest.skip("no OpenCL device")
+    # Idle drops that walked on read far outside the map, which only a large one lets crash
+    grid = Grid((2049, 2049), 8.0)
+    slope = Heightfield.on_grid(grid, np.add.outer(np.arange(2049), np.arange(2049)) * 0.5)
+    result = execute(Droplet(drops_a_cell=1 / 64, lakes="end"), slope, Run(1))
+    assert np.isfinite(result.elevation).all()

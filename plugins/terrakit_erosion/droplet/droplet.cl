@@ -515,7 +515,10 @@ __kernel void droplet_carry(
         }
 
         for (int lane = 0; lane < DROPLET_LANES; ++lane) {
-            if (steps_left[lane] == 0) continue;
+            if (steps_left[lane] == 0) {  // nobody walks in it, but it must not leave the map
+                droplet_put(&lanes, lane, &nobody);
+                continue;
+            }
             if (hard && cut[lane] > 0.0f) {
                 loads[lane] += droplet_take(
                     cuts, gives, corners[lane], cols, downs[lane], rights[lane], cut[lane]);
