@@ -54,7 +54,7 @@ class Automaton(Erosion):
     uses = ("sediment", "strata_datum")
     writes = ("elevation", "sediment")
     cites = ("Benes & Forsbach 2002", "Olsen 2004")
-    fields = 16
+    fields = 17
     locality = "stencil"
     refinement_tolerance: ClassVar = None
     idle: ClassVar = {"rain_a_step": 0.0}

@@ -67,7 +67,7 @@ class Hillslope(Erosion):
     uses = ("sediment", "erosion", "deposition", "strata_datum")
     writes = ("elevation", "sediment", "erosion", "deposition")
     cites = ("Roering, Kirchner & Dietrich 1999", "Culling 1960")
-    fields = 16
+    fields = 20
     idle: ClassVar = {"duration": 0.0}
     lasts: ClassVar = {"duration": 1.0}
     trial: ClassVar = {"duration": 3e3, "critical_slope": 50.0}

@@ -66,7 +66,7 @@ class Weathering(Erosion):
         "Minasny & McBratney 2006",
         "Jones, Farley, Butler & Beardall 2010",
     )
-    fields = 20
+    fields = 28
     idle: ClassVar = {"duration": 0.0}
     lasts: ClassVar = {"duration": 1.0, "distance": 0.5}
     trial: ClassVar = {"duration": 2e4, "distance": 20.0}

@@ -67,7 +67,7 @@ class Wind(Erosion):
         "Paris et al. 2019",
         "Lettau & Lettau 1978",
     )
-    fields = 36
+    fields = 62
     turning: ClassVar = None
     refinement_tolerance: ClassVar = 0.45
     idle: ClassVar = {"duration": 0.0}
